@@ -1,0 +1,2 @@
+//! The program `cartpole`.
+fn main() {}

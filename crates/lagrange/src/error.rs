@@ -1,0 +1,130 @@
+//! What can go wrong, and where.
+
+use std::fmt;
+
+/// A place in a text, both counted from 1; the column counts characters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Position {
+    /// Line, from 1.
+    pub line: usize,
+    /// Column, from 1.
+    pub column: usize,
+}
+
+impl Position {
+    /// The position of byte `offset` in `text`; the end of the text when `offset` lies behind it.
+    pub fn of(text: &str, offset: usize) -> Self {
+        let mut end = offset.min(text.len());
+        while !text.is_char_boundary(end) {
+            end -= 1;
+        }
+        let before = text.get(..end).unwrap_or(text);
+        let line_start = before.rfind('\n').map_or(0, |i| i + 1);
+        Position {
+            line: before.matches('\n').count() + 1,
+            column: before.get(line_start..).unwrap_or("").chars().count() + 1,
+        }
+    }
+}
+
+/// One fault in a model's source, or one loss in reading it (a warning).
+///
+/// The message names culprit, value, condition and cure.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Problem {
+    /// Where, when the source is a text.
+    pub position: Option<Position>,
+    /// What, why and how to mend it.
+    pub message: String,
+}
+
+impl Problem {
+    /// A problem at a place.
+    pub fn at(position: Position, message: impl Into<String>) -> Self {
+        Problem {
+            position: Some(position),
+            message: message.into(),
+        }
+    }
+    /// A problem of the whole source.
+    pub fn general(message: impl Into<String>) -> Self {
+        Problem {
+            position: None,
+            message: message.into(),
+        }
+    }
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.position {
+            Some(p) => write!(f, "{}:{}: {}", p.line, p.column, self.message),
+            None => write!(f, "{}", self.message),
+        }
+    }
+}
+
+/// All problems of one source: `file:line:column: message`, a line each.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Problems {
+    /// The file, or what else the source is called.
+    pub source: String,
+    /// At least one, in the order of the source.
+    pub list: Vec<Problem>,
+}
+
+impl fmt::Display for Problems {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, problem) in self.list.iter().enumerate() {
+            if i > 0 {
+                writeln!(f)?;
+            }
+            match problem.position {
+                Some(_) => write!(f, "{}:{problem}", self.source)?,
+                None => write!(f, "{}: {problem}", self.source)?,
+            }
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Problems {}
+
+/// An error of the equations of motion.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The mass matrix has no Cholesky factor.
+    #[error(
+        "mass matrix is not positive definite at q = {q:?} (pivot {pivot} is {value:e}): coordinate {pivot} moves no mass there; \
+         give its link a mass and inertia"
+    )]
+    SingularMassMatrix {
+        /// The configuration.
+        q: Vec<f64>,
+        /// The coordinate at which the factorisation stopped.
+        pivot: usize,
+        /// The pivot's value, kg or kg·m².
+        value: f64,
+    },
+    /// A vector has the wrong length.
+    #[error("{what} has {found} entries, this mechanism takes {expected}")]
+    Dimension {
+        /// Which vector.
+        what: &'static str,
+        /// Its length.
+        found: usize,
+        /// The length it should have.
+        expected: usize,
+    },
+    /// A number is NaN or infinite.
+    #[error("{what}[{index}] is {value}: every entry must be finite")]
+    NotFinite {
+        /// Which vector.
+        what: &'static str,
+        /// Which entry.
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
+}

@@ -1,0 +1,2 @@
+//! The program `pinode`.
+fn main() {}
