@@ -1,0 +1,226 @@
+//! A whole trajectory over sample times.
+
+use crate::Rk4;
+
+/// Why a roll-out stopped. `E` is the error of the right-hand side.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RollOutError<E> {
+    /// The state left the numbers.
+    #[error(
+        "x[{component}] is {value} at t = {time} s: the roll-out diverged; take more substeps, or look for a force that grows without bound"
+    )]
+    NotFinite {
+        /// End of the substep, s.
+        time: f64,
+        /// The first entry of the state that is not finite.
+        component: usize,
+        /// NaN or an infinity.
+        value: f64,
+    },
+    /// A sample time is not finite, or not later than the one before it.
+    #[error(
+        "times[{index}] is {time} s after {previous} s: sample times must be finite and increase"
+    )]
+    Times {
+        /// Which sample.
+        index: usize,
+        /// Its time, s.
+        time: f64,
+        /// The time of the sample before it, s.
+        previous: f64,
+    },
+    /// There are more intervals than inputs.
+    #[error(
+        "{found} inputs for {needed} intervals between samples: give one input for every sample but the last"
+    )]
+    Inputs {
+        /// Number of inputs given.
+        found: usize,
+        /// Number of intervals.
+        needed: usize,
+    },
+    /// `substeps` is 0.
+    #[error("substeps is 0: at least 1 step is needed between two samples")]
+    Substeps,
+    /// The right-hand side failed.
+    #[error("the equations of motion failed in the step that begins at t = {time} s")]
+    RightHandSide {
+        /// Start of the substep, s.
+        time: f64,
+        /// What it said.
+        source: E,
+    },
+}
+
+/// States at `times` of ẋ = f(t, x, u) from `initial` at `times[0]`, by [`Rk4`].
+///
+/// `inputs[k]` is held over [`times[k]`, `times[k + 1]`); an input for the last sample may be there and is not used. Every interval
+/// is divided into `substeps` equal steps. `f(t, x, u, dx)` writes the derivative. Row k of the result is the state at
+/// `times[k]`; row 0 is `initial`.
+///
+/// ```
+/// use std::convert::Infallible;
+/// use integrators::roll_out;
+///
+/// // ẋ = −x + u
+/// let states = roll_out(&[0.0, 1.0, 2.0], &[1.0, 0.0], 100, &[0.0], |_t, x, u, dx| {
+///     dx[0] = -x[0] + u;
+///     Ok::<(), Infallible>(())
+/// })?;
+/// let peak = 1.0 - (-1.0_f64).exp();
+/// assert!((states[1][0] - peak).abs() < 1e-9);
+/// assert!((states[2][0] - peak * (-1.0_f64).exp()).abs() < 1e-9);
+/// # Ok::<(), integrators::RollOutError<Infallible>>(())
+/// ```
+///
+/// # Errors
+/// See [`RollOutError`]; the arguments are checked before the first step.
+pub fn roll_out<U, E>(
+    times: &[f64],
+    inputs: &[U],
+    substeps: usize,
+    initial: &[f64],
+    mut f: impl FnMut(f64, &[f64], &U, &mut [f64]) -> Result<(), E>,
+) -> Result<Vec<Vec<f64>>, RollOutError<E>> {
+    check_arguments(times, inputs.len(), substeps)?;
+    let Some(&start) = times.first() else {
+        return Ok(Vec::new());
+    };
+    check_finite(start, initial)?;
+    let mut rk4 = Rk4::new(initial.len());
+    let mut x = initial.to_vec();
+    let mut states = Vec::with_capacity(times.len());
+    states.push(x.clone());
+    for ((&from, &to), u) in times.iter().zip(times.iter().skip(1)).zip(inputs) {
+        let h = (to - from) / substeps as f64;
+        for i in 0..substeps {
+            let time = from + i as f64 * h;
+            rk4.step(time, h, &mut x, |t, x, dx| f(t, x, u, dx))
+                .map_err(|source| RollOutError::RightHandSide { time, source })?;
+            check_finite(time + h, &x)?;
+        }
+        states.push(x.clone());
+    }
+    Ok(states)
+}
+
+fn check_arguments<E>(
+    times: &[f64],
+    inputs: usize,
+    substeps: usize,
+) -> Result<(), RollOutError<E>> {
+    if substeps == 0 {
+        return Err(RollOutError::Substeps);
+    }
+    let needed = times.len().saturating_sub(1);
+    if inputs < needed {
+        return Err(RollOutError::Inputs {
+            found: inputs,
+            needed,
+        });
+    }
+    let mut previous = f64::NEG_INFINITY;
+    for (index, &time) in times.iter().enumerate() {
+        if !time.is_finite() || time <= previous {
+            return Err(RollOutError::Times {
+                index,
+                time,
+                previous,
+            });
+        }
+        previous = time;
+    }
+    Ok(())
+}
+
+fn check_finite<E>(time: f64, x: &[f64]) -> Result<(), RollOutError<E>> {
+    match x.iter().position(|x| !x.is_finite()) {
+        Some(component) => Err(RollOutError::NotFinite {
+            time,
+            component,
+            value: x.get(component).copied().unwrap_or(f64::NAN),
+        }),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::convert::Infallible;
+
+    fn still(_t: f64, _x: &[f64], _u: &(), dx: &mut [f64]) -> Result<(), Infallible> {
+        dx.fill(0.0);
+        Ok(())
+    }
+
+    #[test]
+    fn a_finite_escape_is_reported_with_time_and_component() {
+        // ẏ = y² from 1 escapes at t = 1.
+        let times: Vec<f64> = (0..=20).map(|k| 0.1 * k as f64).collect();
+        let error = roll_out(&times, &[(); 20], 4, &[0.0, 1.0], |_t, x, _u, dx| {
+            dx[0] = 1.0;
+            dx[1] = x[1] * x[1];
+            Ok::<(), Infallible>(())
+        })
+        .unwrap_err();
+        match error {
+            RollOutError::NotFinite {
+                time, component, ..
+            } => {
+                assert_eq!(component, 1);
+                assert!((1.0..1.5).contains(&time), "{time}");
+            }
+            other => panic!("{other}"),
+        }
+    }
+
+    #[test]
+    fn bad_arguments_are_refused_before_the_first_step() {
+        let refuse = |times: &[f64], inputs: usize, substeps: usize| {
+            roll_out(times, &vec![(); inputs], substeps, &[0.0], still).unwrap_err()
+        };
+        assert_eq!(refuse(&[0.0, 1.0], 1, 0), RollOutError::Substeps);
+        assert_eq!(
+            refuse(&[0.0, 1.0, 2.0], 1, 1),
+            RollOutError::Inputs {
+                found: 1,
+                needed: 2
+            }
+        );
+        assert!(matches!(
+            refuse(&[0.0, 1.0, 1.0], 2, 1),
+            RollOutError::Times { index: 2, .. }
+        ));
+        assert!(matches!(
+            refuse(&[f64::NAN], 0, 1),
+            RollOutError::Times { index: 0, .. }
+        ));
+        let error = roll_out(&[0.0], &[(); 0], 1, &[0.0, f64::NAN], still).unwrap_err();
+        assert!(matches!(
+            error,
+            RollOutError::NotFinite { component: 1, .. }
+        ));
+        assert_eq!(
+            roll_out(&[], &[(); 0], 1, &[0.0], still),
+            Ok(Vec::<Vec<f64>>::new())
+        );
+    }
+
+    #[test]
+    fn an_error_of_the_right_hand_side_comes_back_with_its_time() {
+        let error = roll_out(&[0.0, 1.0], &[()], 2, &[0.0], |t, _x, _u, dx| {
+            dx[0] = 1.0;
+            if t > 0.6 { Err("stop") } else { Ok(()) }
+        })
+        .unwrap_err();
+        assert_eq!(
+            error,
+            RollOutError::RightHandSide {
+                time: 0.5,
+                source: "stop"
+            }
+        );
+    }
+}
