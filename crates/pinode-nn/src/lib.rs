@@ -1,1 +1,2 @@
 //! Missing physics.
+pub mod effect;

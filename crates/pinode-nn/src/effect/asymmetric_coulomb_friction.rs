@@ -1,0 +1,43 @@
+//! Coulomb friction that depends on the direction: Q = −F₊ s for v > 0, −F₋ s for v < 0, s = sgn(v) spread over the smoothing
+//! velocity; written −½(F₊ + F₋) s − ½(F₊ − F₋) s².
+//!
+//! F₊, F₋ in N or N·m. While sliding it is the same as Coulomb friction of their mean and a constant force of half their
+//! difference: only rest tells the two apart.
+
+use lagrange::Scalar;
+
+use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity, smooth_sign};
+
+struct AsymmetricCoulomb;
+
+impl ForceLaw for AsymmetricCoulomb {
+    fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], smoothing: f64) -> D {
+        let s = smooth_sign(v, smoothing);
+        -(p[0] + p[1]) * s * 0.5 - (p[0] - p[1]) * s * s * 0.5
+    }
+}
+
+/// The kind `asymmetric_coulomb_friction`.
+pub static KIND: Kind = Kind {
+    name: "asymmetric_coulomb_friction",
+    family: Family::Friction,
+    summary: "constant force against the velocity, of different size each way",
+    parameters: &[
+        ParameterSpec {
+            name: "force_positive",
+            quantity: Quantity::Force,
+            lower: 0.0,
+            upper: f64::INFINITY,
+            neutral: 0.0,
+        },
+        ParameterSpec {
+            name: "force_negative",
+            quantity: Quantity::Force,
+            lower: 0.0,
+            upper: f64::INFINITY,
+            neutral: 0.0,
+        },
+    ],
+    action: Action::Joint(&OnCoordinate(AsymmetricCoulomb)),
+    contains: &["coulomb_friction"],
+};

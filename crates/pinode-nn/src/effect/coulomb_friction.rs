@@ -1,0 +1,31 @@
+//! Coulomb friction: Q = −F_c sgn(v), the sign spread over the smoothing velocity.
+//!
+//! F_c in N or N·m. A step at v = 0, flat elsewhere; confused with an input dead zone when u and v are in phase.
+
+use lagrange::Scalar;
+
+use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity, smooth_sign};
+
+struct Coulomb;
+
+impl ForceLaw for Coulomb {
+    fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], smoothing: f64) -> D {
+        -p[0] * smooth_sign(v, smoothing)
+    }
+}
+
+/// The kind `coulomb_friction`.
+pub static KIND: Kind = Kind {
+    name: "coulomb_friction",
+    family: Family::Friction,
+    summary: "constant force against the velocity",
+    parameters: &[ParameterSpec {
+        name: "force",
+        quantity: Quantity::Force,
+        lower: 0.0,
+        upper: f64::INFINITY,
+        neutral: 0.0,
+    }],
+    action: Action::Joint(&OnCoordinate(Coulomb)),
+    contains: &[],
+};

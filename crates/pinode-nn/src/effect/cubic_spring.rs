@@ -1,0 +1,31 @@
+//! Cubic spring: Q = −k₃ q³.
+//!
+//! k₃ in N/m³ or N·m/rad³, of either sign (hardening or softening). Odd in q and growing; seen only at large amplitude.
+
+use lagrange::Scalar;
+
+use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity};
+
+struct CubicSpring;
+
+impl ForceLaw for CubicSpring {
+    fn force<D: Scalar>(&self, q: D, _v: D, p: &[D], _smoothing: f64) -> D {
+        -p[0] * q * q * q
+    }
+}
+
+/// The kind `cubic_spring`.
+pub static KIND: Kind = Kind {
+    name: "cubic_spring",
+    family: Family::Conservative,
+    summary: "force that grows with the cube of the displacement",
+    parameters: &[ParameterSpec {
+        name: "stiffness",
+        quantity: Quantity::CubicStiffness,
+        lower: f64::NEG_INFINITY,
+        upper: f64::INFINITY,
+        neutral: 0.0,
+    }],
+    action: Action::Joint(&OnCoordinate(CubicSpring)),
+    contains: &[],
+};

@@ -1,0 +1,84 @@
+//! Forces on one coordinate, with exact derivatives.
+
+use lagrange::Scalar;
+use num_dual::Dual64;
+
+/// A force law written over the scalar: Q_j = force(q_j, v_j; p), on the right-hand side of M v̇ + C v + G = Q.
+pub trait ForceLaw: Send + Sync + 'static {
+    /// The generalized force, N or N·m. `smoothing` is the velocity over which a sign change of friction is spread, m/s or rad/s.
+    fn force<D: Scalar>(&self, q: D, v: D, p: &[D], smoothing: f64) -> D;
+}
+
+/// sgn(v) spread over `smoothing`: tanh(v / smoothing).
+pub fn smooth_sign<D: Scalar>(v: D, smoothing: f64) -> D {
+    (v / smoothing).tanh()
+}
+
+/// The value and derivatives of a [`JointForce`]; those in the parameters go to a slice of the caller's.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct JointForceDerivatives {
+    /// Q_j.
+    pub force: f64,
+    /// ∂Q_j/∂q_j.
+    pub by_q: f64,
+    /// ∂Q_j/∂v_j.
+    pub by_v: f64,
+}
+
+/// A [`ForceLaw`] behind a pointer.
+pub trait JointForce: Send + Sync {
+    /// Q_j(q_j, v_j; p).
+    fn force(&self, q: f64, v: f64, p: &[f64], smoothing: f64) -> f64;
+    /// Q_j and its derivatives; `by_p` is as long as `p`.
+    fn derivatives(
+        &self,
+        q: f64,
+        v: f64,
+        p: &[f64],
+        smoothing: f64,
+        by_p: &mut [f64],
+    ) -> JointForceDerivatives;
+}
+
+/// Makes a [`JointForce`] of a [`ForceLaw`]: derivatives by dual numbers.
+pub struct OnCoordinate<L>(pub L);
+
+/// No law has more parameters.
+const MOST_PARAMETERS: usize = 8;
+
+impl<L: ForceLaw> JointForce for OnCoordinate<L> {
+    fn force(&self, q: f64, v: f64, p: &[f64], smoothing: f64) -> f64 {
+        self.0.force(q, v, p, smoothing)
+    }
+
+    fn derivatives(
+        &self,
+        q: f64,
+        v: f64,
+        p: &[f64],
+        smoothing: f64,
+        by_p: &mut [f64],
+    ) -> JointForceDerivatives {
+        let mut lifted = [Dual64::from(0.0); MOST_PARAMETERS];
+        let lifted = &mut lifted[..p.len()];
+        for (dual, &value) in lifted.iter_mut().zip(p) {
+            *dual = Dual64::from(value);
+        }
+        let seeded = |x: f64| Dual64::new(x, 1.0);
+        let along_q = self.0.force(seeded(q), Dual64::from(v), lifted, smoothing);
+        let along_v = self.0.force(Dual64::from(q), seeded(v), lifted, smoothing);
+        for k in 0..p.len() {
+            lifted[k].eps = 1.0;
+            by_p[k] = self
+                .0
+                .force(Dual64::from(q), Dual64::from(v), lifted, smoothing)
+                .eps;
+            lifted[k].eps = 0.0;
+        }
+        JointForceDerivatives {
+            force: along_q.re,
+            by_q: along_q.eps,
+            by_v: along_v.eps,
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! What the rest of the program knows of a kind of effect.
+
+use super::{DriveLaw, JointForce};
+
+/// A kind of effect: its name in model files, its parameters and what it does.
+#[derive(Clone, Copy)]
+pub struct Kind {
+    /// Name in model files and reports.
+    pub name: &'static str,
+    /// The family it belongs to; a tie within a family is reported as the family.
+    pub family: Family,
+    /// What it is, in a few words.
+    pub summary: &'static str,
+    /// Its parameters, in the order in which the law takes them.
+    pub parameters: &'static [ParameterSpec],
+    /// What it does.
+    pub action: Action,
+    /// Kinds that this one contains as a special case: where it joins them on a target, it takes their place.
+    pub contains: &'static [&'static str],
+}
+
+/// Kinds are the same when their names are.
+impl PartialEq for Kind {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl std::fmt::Debug for Kind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+/// Families of effects.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Family {
+    /// Against the velocity.
+    Friction,
+    /// Of the position alone.
+    Conservative,
+    /// Between the input and the joint.
+    Drive,
+}
+
+/// What a kind does.
+#[derive(Clone, Copy)]
+#[non_exhaustive]
+pub enum Action {
+    /// Adds a generalized force to one coordinate; its target is a joint.
+    Joint(&'static dyn JointForce),
+    /// Changes an input before it acts; its target is an input.
+    Drive(&'static dyn DriveLaw),
+}
+
+/// One parameter of a kind.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ParameterSpec {
+    /// Name in model files.
+    pub name: &'static str,
+    /// What it measures; gives the unit.
+    pub quantity: Quantity,
+    /// Physical lower bound.
+    pub lower: f64,
+    /// Physical upper bound.
+    pub upper: f64,
+    /// The value at which the effect vanishes, or where a fit starts when it never does.
+    pub neutral: f64,
+}
+
+/// What a parameter measures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Quantity {
+    /// N or N·m.
+    Force,
+    /// Force per velocity.
+    Damping,
+    /// Force per velocity squared.
+    QuadraticDamping,
+    /// Force per displacement.
+    Stiffness,
+    /// Force per displacement cubed.
+    CubicStiffness,
+    /// m or rad.
+    Displacement,
+    /// m/s or rad/s.
+    Velocity,
+    /// s.
+    Time,
+    /// No unit.
+    Ratio,
+}
+
+impl Quantity {
+    /// SI unit on a linear or an angular coordinate.
+    pub fn unit(self, angular: bool) -> &'static str {
+        match (self, angular) {
+            (Quantity::Force, false) => "N",
+            (Quantity::Force, true) => "N·m",
+            (Quantity::Damping, false) => "N·s/m",
+            (Quantity::Damping, true) => "N·m·s/rad",
+            (Quantity::QuadraticDamping, false) => "N·s²/m²",
+            (Quantity::QuadraticDamping, true) => "N·m·s²/rad²",
+            (Quantity::Stiffness, false) => "N/m",
+            (Quantity::Stiffness, true) => "N·m/rad",
+            (Quantity::CubicStiffness, false) => "N/m³",
+            (Quantity::CubicStiffness, true) => "N·m/rad³",
+            (Quantity::Displacement, false) => "m",
+            (Quantity::Displacement, true) => "rad",
+            (Quantity::Velocity, false) => "m/s",
+            (Quantity::Velocity, true) => "rad/s",
+            (Quantity::Time, _) => "s",
+            (Quantity::Ratio, _) => "1",
+        }
+    }
+}

@@ -1,0 +1,41 @@
+//! Linear spring: Q = −k (q − q₀).
+//!
+//! k in N/m or N·m/rad, rest position q₀ in m or rad. A line over q whatever v is; with a small k and a far rest position it
+//! is a constant force.
+
+use lagrange::Scalar;
+
+use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity};
+
+struct LinearSpring;
+
+impl ForceLaw for LinearSpring {
+    fn force<D: Scalar>(&self, q: D, _v: D, p: &[D], _smoothing: f64) -> D {
+        -p[0] * (q - p[1])
+    }
+}
+
+/// The kind `linear_spring`.
+pub static KIND: Kind = Kind {
+    name: "linear_spring",
+    family: Family::Conservative,
+    summary: "force towards a rest position, proportional to the distance",
+    parameters: &[
+        ParameterSpec {
+            name: "stiffness",
+            quantity: Quantity::Stiffness,
+            lower: 0.0,
+            upper: f64::INFINITY,
+            neutral: 0.0,
+        },
+        ParameterSpec {
+            name: "rest",
+            quantity: Quantity::Displacement,
+            lower: f64::NEG_INFINITY,
+            upper: f64::INFINITY,
+            neutral: 0.0,
+        },
+    ],
+    action: Action::Joint(&OnCoordinate(LinearSpring)),
+    contains: &[],
+};

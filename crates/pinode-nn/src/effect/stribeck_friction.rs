@@ -1,0 +1,49 @@
+//! Stribeck friction: Q = −[F_c + (F_s − F_c) exp(−(v/v_s)²)] sgn(v), the sign spread over the smoothing velocity.
+//!
+//! F_c sliding and F_s static force in N or N·m, v_s Stribeck velocity in m/s or rad/s (Canudas de Wit et al. 1995, with
+//! exponent 2). A hump at low speed on top of Coulomb friction; needs slow motion to be seen.
+
+use lagrange::Scalar;
+
+use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity, smooth_sign};
+
+struct Stribeck;
+
+impl ForceLaw for Stribeck {
+    fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], smoothing: f64) -> D {
+        let r = v / p[2];
+        -(p[0] + (p[1] - p[0]) * (-r * r).exp()) * smooth_sign(v, smoothing)
+    }
+}
+
+/// The kind `stribeck_friction`.
+pub static KIND: Kind = Kind {
+    name: "stribeck_friction",
+    family: Family::Friction,
+    summary: "Coulomb friction that is larger at low speed",
+    parameters: &[
+        ParameterSpec {
+            name: "coulomb_force",
+            quantity: Quantity::Force,
+            lower: 0.0,
+            upper: f64::INFINITY,
+            neutral: 0.0,
+        },
+        ParameterSpec {
+            name: "static_force",
+            quantity: Quantity::Force,
+            lower: 0.0,
+            upper: f64::INFINITY,
+            neutral: 0.0,
+        },
+        ParameterSpec {
+            name: "stribeck_velocity",
+            quantity: Quantity::Velocity,
+            lower: 1e-4,
+            upper: f64::INFINITY,
+            neutral: 0.05,
+        },
+    ],
+    action: Action::Joint(&OnCoordinate(Stribeck)),
+    contains: &["coulomb_friction"],
+};

@@ -1,0 +1,32 @@
+//! Viscous friction: Q = −c v.
+//!
+//! c in N·s/m or N·m·s/rad. The straight line through the origin over v; confused with quadratic drag when the speed hardly
+//! varies, and with back-EMF of a motor.
+
+use lagrange::Scalar;
+
+use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity};
+
+struct Viscous;
+
+impl ForceLaw for Viscous {
+    fn force<D: Scalar>(&self, _q: D, _v: D, p: &[D], _smoothing: f64) -> D {
+        -p[0] * v
+    }
+}
+
+/// The kind `viscous_friction`.
+pub static KIND: Kind = Kind {
+    name: "viscous_friction",
+    family: Family::Friction,
+    summary: "force against the velocity, proportional to it",
+    parameters: &[ParameterSpec {
+        name: "coefficient",
+        quantity: Quantity::Damping,
+        lower: 0.0,
+        upper: f64::INFINITY,
+        neutral: 0.0,
+    }],
+    action: Action::Joint(&OnCoordinate(Viscous)),
+    contains: &[],
+};
