@@ -68,9 +68,9 @@ fn operators_bind_and_group_as_in_mathematics() {
 
 #[test]
 fn a_deep_stack_is_evaluated_too() {
-    // Every parenthesis keeps one more value alive.
+    // Every parenthesis keeps two more values alive.
     let depth = 150;
-    let text = format!("{}x{}", "x + (x*".repeat(depth), ")".repeat(depth));
+    let text = format!("{}x{}", "x + x*(".repeat(depth), ")".repeat(depth));
     let mut expected = 1.5;
     for _ in 0..depth {
         expected = 1.5 + 1.5 * expected;
