@@ -241,6 +241,16 @@ impl TextLagrangian {
                 && zero(at(-1.0, 0.0) - ta)
                 && zero(at(3.0, 0.0) - 9.0 * ta)
                 && zero(at(1.0, 1.0) + at(1.0, -1.0) - 2.0 * (ta + tb));
+            // Each velocity alone, so that a small term does not hide behind a large one. Doubling v rounds nothing.
+            quadratic &= (0..n).all(|i| {
+                let mut v = vec![0.0; n];
+                let mut along = |x: f64| {
+                    v.iter_mut().skip(i).take(1).for_each(|v| *v = x);
+                    self.kinetic(&q, &v)
+                };
+                let (once, twice) = (along(0.7), along(1.4));
+                (twice - 4.0 * once).abs() <= 1e-9 * once.abs()
+            });
         }
         let problem = |field, name| {
             TextProblem::new(
