@@ -1,0 +1,11 @@
+//! Kinematic trees: rigid bodies joined by joints of one coordinate each.
+
+mod inertia;
+mod joint;
+mod tree;
+
+pub use inertia::Inertia;
+pub use joint::{Joint, JointKind, Limits, Mimic};
+pub use tree::{Body, Link, Tree};
+
+pub(crate) use tree::{JointSpec, LinkSpec};

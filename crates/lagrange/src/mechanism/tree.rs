@@ -1,0 +1,714 @@
+//! A kinematic tree and its energies.
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+use super::{Inertia, Joint, JointKind, Mimic};
+use crate::{Coordinate, Error, Lagrangian, Parameter, Problem, Role, Scalar};
+
+/// A tree of rigid bodies on a fixed base; immutable.
+///
+/// Links that fixed joints weld together are one body; what is welded to the world counts for nothing in T and V. The coordinates
+/// stand in the order of the joints in the source, whatever the tree's topology.
+///
+/// The energies are sums over the bodies, with everything in the frame of the body i itself (angular velocity ω, velocity v of
+/// the frame's origin, gravity g):
+///
+/// - T = Σ ½ m v·v + v·(ω × h) + ½ ω·I ω, with h = m c and I about the origin, from the base outward:
+///   ω = Rᵀ ω_parent + z q̇ and v = Rᵀ (v_parent + ω_parent × p) for a rotation about z by q,
+///   ω = Rᵀ ω_parent and v = Rᵀ (v_parent + ω_parent × p) + z q̇ for a translation along z;
+/// - V = −Σ m g·p_com, zero at the origin of the world.
+///
+/// Every body's frame is turned once, at construction, so that its joint's axis is z.
+///
+/// ```
+/// # fn main() -> Result<(), lagrange::Problems> {
+/// use lagrange::{Lagrangian, urdf};
+///
+/// let text = r#"<robot name="pendulum">
+///   <link name="base"/>
+///   <link name="bob"><inertial><origin xyz="0 0 -2"/><mass value="3"/>
+///     <inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>
+///   <joint name="hinge" type="continuous"><parent link="base"/><child link="bob"/><axis xyz="0 1 0"/></joint>
+/// </robot>"#;
+/// let tree = urdf::read(text, &urdf::Options::default())?.tree;
+/// assert_eq!(tree.coordinates()[0].name, "hinge");
+/// assert_eq!(tree.kinetic(&[0.3], &[2.0]), 0.5 * 3.0 * (2.0_f64 * 2.0).powi(2));
+/// assert!((tree.potential(&[0.3]) + 3.0 * 9.81 * 2.0 * 0.3_f64.cos()).abs() < 1e-12);
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Debug, Clone)]
+pub struct Tree {
+    coordinates: Vec<Coordinate>,
+    bodies: Vec<Body>,
+    joints: Vec<Joint>,
+    links: Vec<Link>,
+    parameters: Vec<Parameter>,
+    gravity: [f64; 3],
+    pub(crate) nodes: Vec<Node>,
+    /// Children of all nodes, one stretch after the other; those of the world first.
+    children: Vec<usize>,
+    base_children: Range<usize>,
+}
+
+/// A moving body: one or several links, welded together.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Body {
+    /// The link that the body's joint moves; the others are welded to it.
+    pub name: String,
+    /// All its links, `name` first.
+    pub links: Vec<String>,
+    /// Index of the body that carries it; none when that is the world.
+    pub parent: Option<usize>,
+    /// Index of its joint.
+    pub joint: usize,
+    /// Mass, kg.
+    pub mass: f64,
+    /// Centre of mass in the frame of the link `name`, m.
+    pub centre: Vector3<f64>,
+    /// Rotational inertia about the centre of mass in the axes of the link `name`, kg·m².
+    pub inertia: Matrix3<f64>,
+}
+
+/// A link, and the body that it belongs to.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Link {
+    /// Name.
+    pub name: String,
+    /// Index of the body; none when it is welded to the world.
+    pub body: Option<usize>,
+    /// Pose of the link in the body's frame (the world's, where there is no body).
+    pose: Isometry3<f64>,
+}
+
+/// What the recursions need of a body; its frame has z along the joint's axis.
+#[derive(Debug, Clone)]
+pub(crate) struct Node {
+    pub parent: Option<usize>,
+    /// Columns: the axes of this frame at joint position 0, in the parent body's frame.
+    pub rotation: Rotation,
+    /// Origin of this frame at joint position 0, in the parent body's frame, m.
+    pub translation: Option<[f64; 3]>,
+    /// Rotation about z, else translation along z.
+    pub turns: bool,
+    pub coordinate: usize,
+    /// Joint position = ratio · coordinate + offset.
+    pub follow: Option<(f64, f64)>,
+    pub mass: f64,
+    /// m c, kg·m.
+    pub moment: [f64; 3],
+    /// xx, yy, zz, xy, xz, yz about the origin, kg·m².
+    pub inertia: [f64; 6],
+    /// Index of the mass scale; none where there is no mass.
+    pub parameter: Option<usize>,
+    /// Into `Tree::children`; the child with the largest subtree last.
+    pub children: Range<usize>,
+}
+
+/// A constant rotation, as rows of its transpose; none for the identity.
+pub(crate) type Rotation = Option<[[f64; 3]; 3]>;
+
+/// A link on the way into [`Tree::assemble`]; its inertia is in its own frame.
+pub(crate) struct LinkSpec {
+    pub name: String,
+    pub inertia: Inertia,
+}
+
+/// A joint on the way into [`Tree::assemble`]: indices of links, and the joint's frame in the parent link's.
+pub(crate) struct JointSpec {
+    pub joint: Joint,
+    pub parent: usize,
+    pub child: usize,
+    pub origin: Isometry3<f64>,
+}
+
+impl Tree {
+    /// The tree of `links` and `joints`, in the order of the source. `follow`: mimic joints take their leader's coordinate.
+    pub(crate) fn assemble(
+        links: &[LinkSpec],
+        joints: &[JointSpec],
+        gravity: [f64; 3],
+        follow: bool,
+    ) -> Result<Tree, Problem> {
+        let (coordinates, drives) = coordinates(joints, follow)?;
+
+        // The joints that leave every link, and the one link that no joint moves.
+        let mut leaving = vec![Vec::new(); links.len()];
+        let mut moved = vec![false; links.len()];
+        for (j, spec) in joints.iter().enumerate() {
+            match (leaving.get_mut(spec.parent), moved.get_mut(spec.child)) {
+                (Some(list), Some(moved)) if !*moved => {
+                    list.push(j);
+                    *moved = true;
+                }
+                _ => return Err(not_a_tree()),
+            }
+        }
+        let root = moved.iter().position(|m| !m).ok_or_else(not_a_tree)?;
+
+        // From the root outward: every link in the frame of its body, every body's inertia the sum over its links.
+        let mut placed: Vec<Option<(Option<usize>, Isometry3<f64>)>> = vec![None; links.len()];
+        let mut seeds: Vec<Seed> = Vec::new();
+        let mut pending = vec![(root, None, None, Isometry3::identity())];
+        while let Some((link, by, parent, frame)) = pending.pop() {
+            let drive = by.and_then(|j: usize| drives[j].map(|drive| (j, drive)));
+            let (body, pose) = match drive {
+                // Welded to what carries it: `frame` is its pose there.
+                None => (parent, frame),
+                // Moved: a new body, whose frame has z along the axis.
+                Some((joint, drive)) => {
+                    let turn = z_to(&joints[joint].joint.axis);
+                    seeds.push(Seed {
+                        parent,
+                        joint,
+                        drive,
+                        rotation: frame.rotation.to_rotation_matrix() * turn,
+                        translation: frame.translation.vector,
+                        turn,
+                        links: Vec::new(),
+                        inertia: Inertia::zero(),
+                    });
+                    let to_link = UnitQuaternion::from_rotation_matrix(&turn.inverse());
+                    let pose = Isometry3::from_parts(Translation3::identity(), to_link);
+                    (Some(seeds.len() - 1), pose)
+                }
+            };
+            placed[link] = Some((body, pose));
+            if let Some(seed) = body.and_then(|b| seeds.get_mut(b)) {
+                seed.links.push(link);
+                seed.inertia = seed.inertia + links[link].inertia.in_frame(&pose);
+            }
+            // The first joint of the link is to be popped first.
+            for &j in leaving[link].iter().rev() {
+                pending.push((joints[j].child, Some(j), body, pose * joints[j].origin));
+            }
+        }
+        if placed.iter().any(Option::is_none) {
+            return Err(not_a_tree());
+        }
+
+        let mut tree = Tree {
+            coordinates,
+            bodies: Vec::with_capacity(seeds.len()),
+            joints: joints.iter().map(|spec| spec.joint.clone()).collect(),
+            links: Vec::with_capacity(links.len()),
+            parameters: Vec::new(),
+            gravity,
+            nodes: Vec::with_capacity(seeds.len()),
+            children: Vec::with_capacity(seeds.len()),
+            base_children: 0..0,
+        };
+        for (joint, drive) in tree.joints.iter_mut().zip(&drives) {
+            joint.coordinate = drive.map(|d| d.coordinate);
+            joint.follows = drive.is_some_and(|d| d.follows);
+            (joint.ratio, joint.offset) = drive.map_or((1.0, 0.0), |d| (d.ratio, d.offset));
+        }
+        for (spec, place) in links.iter().zip(placed) {
+            let (body, pose) = place.unwrap_or((None, Isometry3::identity()));
+            tree.links.push(Link {
+                name: spec.name.clone(),
+                body,
+                pose,
+            });
+        }
+        for seed in &seeds {
+            tree.push_body(seed, links);
+        }
+        tree.order_children();
+        Ok(tree)
+    }
+
+    fn push_body(&mut self, seed: &Seed, links: &[LinkSpec]) {
+        let names: Vec<String> = seed.links.iter().map(|&l| links[l].name.clone()).collect();
+        let name = names.first().cloned().unwrap_or_default();
+        let parameter = (!seed.inertia.is_zero()).then(|| {
+            self.parameters.push(Parameter {
+                role: Role::MassScale,
+                name: name.clone(),
+                nominal: 1.0,
+            });
+            self.parameters.len() - 1
+        });
+        let in_link = seed.inertia.rotated(seed.turn.matrix());
+        self.bodies.push(Body {
+            name,
+            links: names,
+            parent: seed.parent,
+            joint: seed.joint,
+            mass: in_link.mass,
+            centre: in_link.centre(),
+            inertia: in_link.rotational_about_centre(),
+        });
+        let i = &seed.inertia.rotational;
+        let p = seed.translation;
+        self.nodes.push(Node {
+            parent: seed.parent,
+            rotation: transposed_rows(&seed.rotation),
+            translation: (p != Vector3::zeros()).then_some([p.x, p.y, p.z]),
+            turns: self.joints[seed.joint].kind.is_angular(),
+            coordinate: seed.drive.coordinate,
+            follow: (seed.drive.follows).then_some((seed.drive.ratio, seed.drive.offset)),
+            mass: seed.inertia.mass,
+            moment: seed.inertia.moment.into(),
+            inertia: [
+                i[(0, 0)],
+                i[(1, 1)],
+                i[(2, 2)],
+                i[(0, 1)],
+                i[(0, 2)],
+                i[(1, 2)],
+            ],
+            parameter,
+            children: 0..0,
+        });
+    }
+
+    /// Lists the children of every body, the one with the largest subtree last: the recursions descend into that one without
+    /// a call, so that their depth is at most log₂ of the number of bodies.
+    fn order_children(&mut self) {
+        let mut sizes = vec![1_usize; self.nodes.len()];
+        let mut below = vec![Vec::new(); self.nodes.len()];
+        let mut base = Vec::new();
+        for (i, node) in self.nodes.iter().enumerate().rev() {
+            match node.parent {
+                Some(p) => {
+                    sizes[p] += sizes[i];
+                    below[p].push(i);
+                }
+                None => base.push(i),
+            }
+        }
+        let mut append = |mut list: Vec<usize>| {
+            list.sort_by_key(|&i| (sizes[i], i));
+            let start = self.children.len();
+            self.children.extend(list);
+            start..self.children.len()
+        };
+        self.base_children = append(base);
+        for (node, list) in self.nodes.iter_mut().zip(below) {
+            node.children = append(list);
+        }
+    }
+
+    /// The coordinates, in the order of q and v.
+    pub fn coordinates(&self) -> &[Coordinate] {
+        &self.coordinates
+    }
+    /// The moving bodies, parents before children.
+    pub fn bodies(&self) -> &[Body] {
+        &self.bodies
+    }
+    /// All joints, fixed ones too, in the order of the source.
+    pub fn joints(&self) -> &[Joint] {
+        &self.joints
+    }
+    /// All links, those welded to the world too, in the order of the source.
+    pub fn links(&self) -> &[Link] {
+        &self.links
+    }
+    /// Acceleration of free fall in the world's frame, m/s².
+    pub fn gravity(&self) -> [f64; 3] {
+        self.gravity
+    }
+
+    /// The pose of every link in the world at `q`, in the order of [`links`](Self::links).
+    ///
+    /// # Errors
+    /// When `q` has the wrong length or an entry that is not finite.
+    pub fn link_poses(&self, q: &[f64]) -> Result<Vec<Isometry3<f64>>, Error> {
+        if q.len() != self.dof() {
+            return Err(Error::Dimension {
+                what: "q",
+                found: q.len(),
+                expected: self.dof(),
+            });
+        }
+        if let Some(index) = q.iter().position(|x| !x.is_finite()) {
+            return Err(Error::NotFinite {
+                what: "q",
+                index,
+                value: q[index],
+            });
+        }
+        let mut poses: Vec<Isometry3<f64>> = Vec::with_capacity(self.nodes.len());
+        for node in &self.nodes {
+            let parent = node.parent.map_or(Isometry3::identity(), |p| poses[p]);
+            let rotation = node.rotation.map_or(Rotation3::identity(), |rows| {
+                Rotation3::from_matrix_unchecked(Matrix3::from(rows))
+            });
+            let at_zero = Isometry3::from_parts(
+                Translation3::from(Vector3::from(node.translation.unwrap_or_default())),
+                UnitQuaternion::from_rotation_matrix(&rotation),
+            );
+            let z = Vector3::z() * node.position(q);
+            let motion = if node.turns {
+                Isometry3::rotation(z)
+            } else {
+                Isometry3::from_parts(Translation3::from(z), UnitQuaternion::identity())
+            };
+            poses.push(parent * at_zero * motion);
+        }
+        Ok(self
+            .links
+            .iter()
+            .map(|link| link.body.map_or(link.pose, |b| poses[b] * link.pose))
+            .collect())
+    }
+
+    /// T of the bodies on the base, each weighed by `weight`.
+    fn kinetic_sum<D: Scalar>(&self, q: &[D], v: &[D], weight: &impl Fn(&Node, D) -> D) -> D {
+        let mut sum = D::zero();
+        for &child in &self.children[self.base_children.clone()] {
+            let node = &self.nodes[child];
+            let motion = node.motion_on_base(v);
+            sum = sum + self.kinetic_from(child, motion, q, v, weight);
+        }
+        sum
+    }
+
+    /// T of body `i`, which moves with `motion`, and of all that it carries.
+    fn kinetic_from<D: Scalar>(
+        &self,
+        mut i: usize,
+        mut motion: Motion<D>,
+        q: &[D],
+        v: &[D],
+        weight: &impl Fn(&Node, D) -> D,
+    ) -> D {
+        let mut sum = D::zero();
+        loop {
+            let node = &self.nodes[i];
+            if node.parameter.is_some() {
+                sum = sum + weight(node, node.kinetic(&motion));
+            }
+            let Some((&heaviest, others)) = self.children[node.children.clone()].split_last()
+            else {
+                return sum;
+            };
+            for &child in others {
+                let carried = self.nodes[child].motion(&motion, q, v);
+                sum = sum + self.kinetic_from(child, carried, q, v, weight);
+            }
+            motion = self.nodes[heaviest].motion(&motion, q, v);
+            i = heaviest;
+        }
+    }
+
+    /// V of all bodies, each weighed by `weight`.
+    fn potential_sum<D: Scalar>(&self, q: &[D], weight: &impl Fn(&Node, D) -> D) -> D {
+        let base = Fall {
+            g: self.gravity.map(D::constant),
+            at_origin: D::zero(),
+        };
+        let mut sum = D::zero();
+        for &child in &self.children[self.base_children.clone()] {
+            let fall = self.nodes[child].fall(&base, q);
+            sum = sum + self.potential_from(child, fall, q, weight);
+        }
+        sum
+    }
+
+    /// V of body `i`, in whose frame gravity is `fall`, and of all that it carries.
+    fn potential_from<D: Scalar>(
+        &self,
+        mut i: usize,
+        mut fall: Fall<D>,
+        q: &[D],
+        weight: &impl Fn(&Node, D) -> D,
+    ) -> D {
+        let mut sum = D::zero();
+        loop {
+            let node = &self.nodes[i];
+            if node.parameter.is_some() {
+                let along = fall.at_origin * node.mass + dot(&fall.g, &node.moment);
+                sum = sum + weight(node, -along);
+            }
+            let Some((&heaviest, others)) = self.children[node.children.clone()].split_last()
+            else {
+                return sum;
+            };
+            for &child in others {
+                let carried = self.nodes[child].fall(&fall, q);
+                sum = sum + self.potential_from(child, carried, q, weight);
+            }
+            fall = self.nodes[heaviest].fall(&fall, q);
+            i = heaviest;
+        }
+    }
+}
+
+impl Lagrangian for Tree {
+    fn dof(&self) -> usize {
+        self.coordinates.len()
+    }
+    fn kinetic<D: Scalar>(&self, q: &[D], v: &[D]) -> D {
+        self.kinetic_sum(q, v, &|_, energy| energy)
+    }
+    fn potential<D: Scalar>(&self, q: &[D]) -> D {
+        self.potential_sum(q, &|_, energy| energy)
+    }
+    fn parameters(&self) -> &[Parameter] {
+        &self.parameters
+    }
+    fn kinetic_with<D: Scalar>(&self, q: &[D], v: &[D], p: &[D]) -> D {
+        self.kinetic_sum(q, v, &|node, energy| node.scaled(energy, p))
+    }
+    fn potential_with<D: Scalar>(&self, q: &[D], p: &[D]) -> D {
+        self.potential_sum(q, &|node, energy| node.scaled(energy, p))
+    }
+}
+
+/// Angular velocity of a body and velocity of its frame's origin, in that frame.
+struct Motion<D> {
+    w: [D; 3],
+    v: [D; 3],
+}
+
+/// Gravity in a body's frame, and g·p of the frame's origin p.
+struct Fall<D> {
+    g: [D; 3],
+    at_origin: D,
+}
+
+impl Node {
+    /// Joint position (or, without its offset, velocity) from the coordinates.
+    fn position<D: Scalar>(&self, q: &[D]) -> D {
+        match self.follow {
+            None => q[self.coordinate],
+            Some((ratio, offset)) => q[self.coordinate] * ratio + offset,
+        }
+    }
+    fn rate<D: Scalar>(&self, v: &[D]) -> D {
+        match self.follow {
+            None => v[self.coordinate],
+            Some((ratio, _)) => v[self.coordinate] * ratio,
+        }
+    }
+
+    /// The motion when the parent is the world: the joint's own.
+    fn motion_on_base<D: Scalar>(&self, v: &[D]) -> Motion<D> {
+        let zero = [D::zero(); 3];
+        let along = [D::zero(), D::zero(), self.rate(v)];
+        if self.turns {
+            Motion { w: along, v: zero }
+        } else {
+            Motion { w: zero, v: along }
+        }
+    }
+
+    /// The motion, given the parent body's.
+    fn motion<D: Scalar>(&self, parent: &Motion<D>, q: &[D], v: &[D]) -> Motion<D> {
+        let at_joint = match &self.translation {
+            None => parent.v,
+            Some(p) => add(&parent.v, &cross(&parent.w, p)),
+        };
+        let w = unrotate(&self.rotation, &parent.w);
+        let at_joint = unrotate(&self.rotation, &at_joint);
+        let (position, rate) = (self.position(q), self.rate(v));
+        if self.turns {
+            let (sin, cos) = (position.sin(), position.cos());
+            let mut w = unturn(&w, sin, cos);
+            w[2] = w[2] + rate;
+            Motion {
+                w,
+                v: unturn(&at_joint, sin, cos),
+            }
+        } else {
+            // v + ω × z q + z q̇
+            let v = [
+                at_joint[0] + w[1] * position,
+                at_joint[1] - w[0] * position,
+                at_joint[2] + rate,
+            ];
+            Motion { w, v }
+        }
+    }
+
+    /// Gravity here, given gravity in the parent body.
+    fn fall<D: Scalar>(&self, parent: &Fall<D>, q: &[D]) -> Fall<D> {
+        let at_joint = match &self.translation {
+            None => parent.at_origin,
+            Some(p) => parent.at_origin + dot(&parent.g, p),
+        };
+        let g = unrotate(&self.rotation, &parent.g);
+        let position = self.position(q);
+        if self.turns {
+            Fall {
+                g: unturn(&g, position.sin(), position.cos()),
+                at_origin: at_joint,
+            }
+        } else {
+            Fall {
+                at_origin: at_joint + g[2] * position,
+                g,
+            }
+        }
+    }
+
+    /// ½ m v·v + v·(ω × h) + ½ ω·I ω.
+    fn kinetic<D: Scalar>(&self, motion: &Motion<D>) -> D {
+        let Motion { w, v } = motion;
+        let [xx, yy, zz, xy, xz, yz] = self.inertia;
+        let linear = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) * (0.5 * self.mass);
+        let wh = cross(w, &self.moment);
+        let mixed = v[0] * wh[0] + v[1] * wh[1] + v[2] * wh[2];
+        let angular = w[0] * (w[0] * (0.5 * xx) + w[1] * xy + w[2] * xz)
+            + w[1] * (w[1] * (0.5 * yy) + w[2] * yz)
+            + w[2] * w[2] * (0.5 * zz);
+        linear + mixed + angular
+    }
+
+    /// The energy of this body with its mass scale from `p`.
+    fn scaled<D: Scalar>(&self, energy: D, p: &[D]) -> D {
+        match self.parameter {
+            Some(k) => energy * p[k],
+            None => energy,
+        }
+    }
+}
+
+/// a · b.
+fn dot<D: Scalar>(a: &[D; 3], b: &[f64; 3]) -> D {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// a × b.
+fn cross<D: Scalar>(a: &[D; 3], b: &[f64; 3]) -> [D; 3] {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
+fn add<D: Scalar>(a: &[D; 3], b: &[D; 3]) -> [D; 3] {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+/// Rᵀ x for a constant rotation R.
+fn unrotate<D: Scalar>(rotation: &Rotation, x: &[D; 3]) -> [D; 3] {
+    match rotation {
+        None => *x,
+        Some([a, b, c]) => [dot(x, a), dot(x, b), dot(x, c)],
+    }
+}
+
+/// Rᵀ x for the rotation about z by the angle of this sine and cosine.
+fn unturn<D: Scalar>(x: &[D; 3], sin: D, cos: D) -> [D; 3] {
+    [cos * x[0] + sin * x[1], cos * x[1] - sin * x[0], x[2]]
+}
+
+/// A body under construction: its frame has z along the axis, in which all of this is given.
+struct Seed {
+    parent: Option<usize>,
+    joint: usize,
+    drive: Drive,
+    /// Pose at joint position 0, in the parent body's frame.
+    rotation: Rotation3<f64>,
+    translation: Vector3<f64>,
+    /// From this frame to the first link's.
+    turn: Rotation3<f64>,
+    links: Vec<usize>,
+    inertia: Inertia,
+}
+
+/// How a joint moves: position = ratio · coordinate + offset.
+#[derive(Clone, Copy)]
+struct Drive {
+    coordinate: usize,
+    ratio: f64,
+    offset: f64,
+    follows: bool,
+}
+
+/// The coordinates in the order of the joints, and what drives each joint; chains of mimics are composed.
+fn coordinates(
+    joints: &[JointSpec],
+    follow: bool,
+) -> Result<(Vec<Coordinate>, Vec<Option<Drive>>), Problem> {
+    fn followed(joint: &Joint, follow: bool) -> Option<&Mimic> {
+        let moves = joint.kind != JointKind::Fixed;
+        joint.mimic.as_ref().filter(|_| follow && moves)
+    }
+    let by_name: HashMap<&str, usize> = joints
+        .iter()
+        .enumerate()
+        .map(|(j, spec)| (spec.joint.name.as_str(), j))
+        .collect();
+    let mut list = Vec::new();
+    let mut drives: Vec<Option<Drive>> = Vec::with_capacity(joints.len());
+    for JointSpec { joint, .. } in joints {
+        let moves = joint.kind != JointKind::Fixed && followed(joint, follow).is_none();
+        drives.push(moves.then_some(Drive {
+            coordinate: list.len(),
+            ratio: 1.0,
+            offset: 0.0,
+            follows: false,
+        }));
+        if moves {
+            list.push(Coordinate {
+                name: joint.name.clone(),
+                joint: joint.name.clone(),
+                angular: joint.kind.is_angular(),
+                wraps: joint.kind == JointKind::Continuous,
+            });
+        }
+    }
+    for j in 0..joints.len() {
+        // Up the chain of leaders: q = a · leader + b.
+        let (mut a, mut b, mut at, mut steps) = (1.0, 0.0, j, 0);
+        while let Some(mimic) = followed(&joints[at].joint, follow) {
+            b += a * mimic.offset;
+            a *= mimic.multiplier;
+            at = *by_name.get(mimic.leader.as_str()).ok_or_else(not_a_tree)?;
+            steps += 1;
+            if steps > joints.len() {
+                return Err(not_a_tree());
+            }
+        }
+        if steps > 0 {
+            let leader = drives[at].ok_or_else(not_a_tree)?;
+            drives[j] = Some(Drive {
+                coordinate: leader.coordinate,
+                ratio: a,
+                offset: b,
+                follows: true,
+            });
+        }
+    }
+    Ok((list, drives))
+}
+
+fn not_a_tree() -> Problem {
+    Problem::general(
+        "the joints do not connect all links to one root as a tree, or a mimic joint has no leader",
+    )
+}
+
+/// A rotation that takes z to `axis`; exact where the axis is a coordinate axis.
+fn z_to(axis: &Vector3<f64>) -> Rotation3<f64> {
+    let columns = |x: Vector3<f64>, y: Vector3<f64>| {
+        Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, y, x.cross(&y)]))
+    };
+    let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
+    match (axis.x, axis.y, axis.z) {
+        (0.0, 0.0, 1.0) => Rotation3::identity(),
+        (0.0, 0.0, -1.0) => columns(x, -y),
+        (0.0, 1.0, 0.0) => columns(z, x),
+        (0.0, -1.0, 0.0) => columns(x, z),
+        (1.0, 0.0, 0.0) => columns(y, z),
+        (-1.0, 0.0, 0.0) => columns(z, y),
+        _ => Rotation3::rotation_between(&z, axis).unwrap_or_else(|| columns(x, -y)),
+    }
+}
+
+fn transposed_rows(rotation: &Rotation3<f64>) -> Rotation {
+    let m = rotation.matrix();
+    (*m != Matrix3::identity())
+        .then(|| [0, 1, 2].map(|column| [m[(0, column)], m[(1, column)], m[(2, column)]]))
+}
