@@ -673,7 +673,7 @@ fn corpus() -> Vec<(&'static str, String, &'static str)> {
         ("inertial without mass", one_body(r#"<inertial><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>"#), "lacks <mass>"),
         ("inertial without inertia", one_body(r#"<inertial><mass value="1"/></inertial>"#), "lacks <inertia>"),
         ("inertia without ixy", one_body(r#"<inertial><mass value="1"/><inertia ixx="1" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>"#), "lacks the attribute `ixy`"),
-        ("duplicate link", robot(&[link("a"), link("a")]), "link `a` is there already, in line 2"),
+        ("duplicate link", robot(&[link("a"), link("a")]), "link `a` is there already in line 2"),
         ("duplicate joint", three([joint("j", "fixed", "base", "a", ""), joint("j", "fixed", "a", "b", ""), joint("k", "fixed", "b", "c", "")]), "joint `j` is there already"),
         ("unknown child", robot(&[link("base"), link("hand"), joint("j", "fixed", "base", "hnad", "")]), "did you mean `hand`?"),
         ("unknown parent", robot(&[link("base"), link("hand"), joint("j", "fixed", "bsae", "hand", "")]), "did you mean `base`?"),
@@ -808,5 +808,167 @@ proptest! {
             prop_assert!(urdf.tree.kinetic(&vec![0.3_f64; n], &vec![0.1_f64; n]).is_finite());
             prop_assert!(urdf.tree.potential(&vec![0.3_f64; n]).is_finite());
         }
+    }
+}
+
+/// Texts within the bounds that ask for the most work.
+#[test]
+fn hostile_texts_are_read_or_refused_in_bounded_time() {
+    let n = 9_000;
+    let many = |part: &dyn Fn(usize) -> String| {
+        let parts: String = (0..n).map(part).collect();
+        format!("<robot name=\"r\">{parts}</robot>")
+    };
+    let padding = " ".repeat(15 << 20);
+    let texts = [
+        (
+            "links without joints",
+            many(&|i| format!("<link name=\"l{i}\"/>")),
+        ),
+        (
+            "equal names behind much text",
+            format!("{}{padding}", many(&|_| "<link name=\"l\"/>".into())),
+        ),
+        (
+            "equal names after much text",
+            many(&|_| "<link name=\"l\"/>".into()).replacen('<', &format!("<!--{padding}--><"), 1),
+        ),
+        (
+            "unknown links",
+            many(&|i| {
+                format!(
+                    "<link name=\"link_{i}\"/><joint name=\"j{i}\" type=\"fixed\"><parent link=\"lnik_{i}\"/><child link=\"lnk_{i}\"/></joint>"
+                )
+            }),
+        ),
+        (
+            "mimics in a long circle",
+            many(&|i| {
+                format!(
+                    "<link name=\"l{i}\"/>{}",
+                    joint(
+                        &format!("j{i}"),
+                        "continuous",
+                        &format!("l{i}"),
+                        &format!("l{}", i + 1),
+                        &format!("<mimic joint=\"j{}\"/>", (i + 1) % n)
+                    )
+                )
+            }),
+        ),
+        (
+            "links in a long circle",
+            many(&|i| {
+                format!(
+                    "<link name=\"l{i}\"/>{}",
+                    joint(
+                        &format!("j{i}"),
+                        "fixed",
+                        &format!("l{i}"),
+                        &format!("l{}", (i + 1) % n),
+                        ""
+                    )
+                )
+            }),
+        ),
+        ("unknown elements", many(&|i| format!("<e{i}/>"))),
+        (
+            "unknown attributes",
+            many(&|i| format!("<link name=\"l{i}\" a{i}=\"1\"/>")),
+        ),
+        (
+            "many attributes",
+            format!(
+                "<robot {}/>",
+                (0..20_000)
+                    .map(|i| format!("a{i}=\"\" "))
+                    .collect::<String>()
+            ),
+        ),
+        (
+            "many namespaces",
+            format!(
+                "<robot {}/>",
+                (0..5_000)
+                    .map(|i| format!("xmlns:a{i}=\"u{i}\" "))
+                    .collect::<String>()
+            ),
+        ),
+        ("open brackets", "<!".repeat(1 << 20)),
+        (
+            "a long name",
+            format!(
+                "<robot name=\"r\"><link name=\"{0}\"/><link name=\"{0}\"/></robot>",
+                "x".repeat(1 << 20)
+            ),
+        ),
+    ];
+    for (name, text) in texts {
+        let start = Instant::now();
+        let result = urdf::read(&text, &Options::default());
+        let message = result.map_or_else(|p| p.to_string(), |_| String::new());
+        eprintln!(
+            "{name}: {:?}, {}",
+            start.elapsed(),
+            message.chars().take(120).collect::<String>()
+        );
+        assert!(
+            start.elapsed() < Duration::from_secs(10),
+            "{name}: {:?}",
+            start.elapsed()
+        );
+        assert!(
+            message.len() < 100_000,
+            "{name}: {} bytes of message",
+            message.len()
+        );
+    }
+}
+
+#[test]
+fn a_large_chain_of_mimics_is_read_in_bounded_time() {
+    let mut parts = vec![link("l0")];
+    for i in 0..3000 {
+        parts.push(link(&format!("l{}", i + 1)));
+        let follow = if i > 0 {
+            format!("<mimic joint=\"j{}\"/>", i - 1)
+        } else {
+            String::new()
+        };
+        parts.push(joint(
+            &format!("j{i}"),
+            "continuous",
+            &format!("l{i}"),
+            &format!("l{}", i + 1),
+            &follow,
+        ));
+    }
+    let start = Instant::now();
+    let tree = good(&robot(&parts)).tree;
+    eprintln!("read in {:?}", start.elapsed());
+    assert_eq!((tree.dof(), tree.bodies().len()), (1, 3000));
+    assert!(start.elapsed() < Duration::from_secs(10));
+}
+
+#[test]
+#[ignore = "prints a time"]
+fn time_of_the_kinetic_energy() {
+    let Some(folder) = reference_robots() else {
+        return;
+    };
+    for robot in ["cartpole_roehrl2020", "kuka_iiwa", "talos_reduced"] {
+        let tree =
+            good(&std::fs::read_to_string(folder.join(format!("{robot}.urdf"))).unwrap()).tree;
+        let (q, v) = (vec![0.3_f64; tree.dof()], vec![0.7_f64; tree.dof()]);
+        let mut least = f64::INFINITY;
+        let mut sum = 0.0;
+        for _ in 0..50 {
+            let start = Instant::now();
+            for _ in 0..1000 {
+                sum += tree.kinetic(std::hint::black_box(&q), std::hint::black_box(&v));
+            }
+            least = least.min(start.elapsed().as_secs_f64() * 1e6);
+        }
+        eprintln!("{robot}: n = {}, T in {least:.1} ns ({sum:e})", tree.dof());
     }
 }

@@ -82,9 +82,16 @@ impl<'t> Report<'t> {
     pub fn failed(&self) -> bool {
         !self.errors.is_empty()
     }
-    /// 1-based line of a byte.
-    pub fn line(&self, at: usize) -> usize {
-        Position::of(self.text, at).line
+    /// Whether so much is wrong already that hints are not worth their time.
+    pub fn is_long(&self) -> bool {
+        self.errors.len() >= 20
+    }
+    /// ` in line …` for a byte; nothing where so much is wrong that it is not worth the time.
+    pub fn line(&self, at: usize) -> String {
+        if self.is_long() {
+            return String::new();
+        }
+        format!(" in line {}", Position::of(self.text, at).line)
     }
     pub fn into_errors(self) -> Vec<Problem> {
         located(self.text, self.errors)
@@ -101,10 +108,23 @@ const MAX_LISTED: usize = 200;
 fn located(text: &str, mut list: Vec<(usize, String)>) -> Vec<Problem> {
     list.sort_by_key(|&(at, _)| at);
     let more = list.len().saturating_sub(MAX_LISTED);
+    // Positions are counted on from one problem to the next, in one pass over the text.
+    let (mut line, mut column, mut counted) = (1, 1, 0);
     let mut problems: Vec<Problem> = list
         .into_iter()
         .take(MAX_LISTED)
-        .map(|(at, message)| Problem::at(Position::of(text, at), message))
+        .map(|(at, message)| {
+            let between = text.get(counted..at).unwrap_or("");
+            match between.rsplit_once('\n') {
+                Some((before, last)) => {
+                    line += before.matches('\n').count() + 1;
+                    column = 1 + last.chars().count();
+                }
+                None => column += between.chars().count(),
+            }
+            counted = at;
+            Problem::at(Position { line, column }, message)
+        })
         .collect();
     if more > 0 {
         problems.push(Problem::general(format!("and {more} more of the kind")));

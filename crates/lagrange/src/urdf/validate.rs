@@ -39,7 +39,13 @@ impl<'s> Names<'s> {
             }
             if let Some(&(_, first)) = known.get(name.value.as_str()) {
                 let line = report.line(first);
-                report.error(name.at, format!("{what} {} is there already, in line {line}: every {what} needs a name of its own", shown(&name.value)));
+                report.error(
+                    name.at,
+                    format!(
+                        "{what} {} is there already{line}: every {what} needs a name of its own",
+                        shown(&name.value)
+                    ),
+                );
             } else {
                 known.insert(&name.value, (index, name.at));
             }
@@ -54,7 +60,10 @@ impl<'s> Names<'s> {
     fn get(&self, name: &str) -> Option<usize> {
         self.0.get(name).copied()
     }
-    fn nearest(&self, name: &str) -> String {
+    fn nearest(&self, name: &str, report: &Report) -> String {
+        if report.is_long() {
+            return String::new();
+        }
         let mut sorted: Vec<&str> = self.0.keys().copied().collect();
         sorted.sort_unstable();
         nearest(name, sorted.into_iter())
@@ -231,7 +240,7 @@ fn mimics(source: &Source, joints: &Names, report: &mut Report) {
         let Some(mimic) = &joint.mimic else { continue };
         let (name, followed) = (shown(&joint.name.value), &mimic.value.0);
         let Some(first) = joints.get(followed) else {
-            let hint = joints.nearest(followed);
+            let hint = joints.nearest(followed, report);
             report.error(
                 mimic.at,
                 format!(
@@ -314,7 +323,7 @@ fn shape(source: &Source, links: &Names, report: &mut Report) -> Option<Shape> {
             let end = end.as_ref()?;
             let found = links.get(&end.value);
             if found.is_none() {
-                let hint = links.nearest(&end.value);
+                let hint = links.nearest(&end.value, report);
                 report.error(
                     end.at,
                     format!("joint {name}: there is no link {}{hint}", shown(&end.value)),
