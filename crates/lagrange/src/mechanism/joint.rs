@@ -1,6 +1,10 @@
 //! Joints: what lets one link move against another.
 
-use nalgebra::Vector3;
+use std::collections::HashMap;
+
+use nalgebra::{Isometry3, Matrix3, Rotation3, Vector3};
+
+use crate::{Coordinate, Problem};
 
 /// A joint between two links, as the model's source gives it.
 #[derive(Debug, Clone, PartialEq)]
@@ -93,4 +97,102 @@ pub struct Mimic {
     pub multiplier: f64,
     /// Offset, rad or m.
     pub offset: f64,
+}
+
+/// A joint on the way into `Tree::assemble`: indices of links, and the joint's frame in the parent link's.
+pub(crate) struct JointSpec {
+    pub joint: Joint,
+    pub parent: usize,
+    pub child: usize,
+    pub origin: Isometry3<f64>,
+}
+
+/// How a joint moves: position = ratio · coordinate + offset.
+#[derive(Clone, Copy)]
+pub(crate) struct Drive {
+    pub coordinate: usize,
+    pub ratio: f64,
+    pub offset: f64,
+    pub follows: bool,
+}
+
+/// The coordinates in the order of the joints, and what drives each joint; chains of mimics are composed.
+pub(crate) fn coordinates(
+    joints: &[JointSpec],
+    follow: bool,
+) -> Result<(Vec<Coordinate>, Vec<Option<Drive>>), Problem> {
+    fn followed(joint: &Joint, follow: bool) -> Option<&Mimic> {
+        let moves = joint.kind != JointKind::Fixed;
+        joint.mimic.as_ref().filter(|_| follow && moves)
+    }
+    let by_name: HashMap<&str, usize> = joints
+        .iter()
+        .enumerate()
+        .map(|(j, spec)| (spec.joint.name.as_str(), j))
+        .collect();
+    let mut list = Vec::new();
+    let mut drives: Vec<Option<Drive>> = Vec::with_capacity(joints.len());
+    for JointSpec { joint, .. } in joints {
+        let moves = joint.kind != JointKind::Fixed && followed(joint, follow).is_none();
+        drives.push(moves.then_some(Drive {
+            coordinate: list.len(),
+            ratio: 1.0,
+            offset: 0.0,
+            follows: false,
+        }));
+        if moves {
+            list.push(Coordinate {
+                name: joint.name.clone(),
+                joint: joint.name.clone(),
+                angular: joint.kind.is_angular(),
+                wraps: joint.kind == JointKind::Continuous,
+            });
+        }
+    }
+    for j in 0..joints.len() {
+        // Up the chain of leaders: q = a · leader + b.
+        let (mut a, mut b, mut at, mut steps) = (1.0, 0.0, j, 0);
+        while let Some(mimic) = followed(&joints[at].joint, follow) {
+            b += a * mimic.offset;
+            a *= mimic.multiplier;
+            at = *by_name.get(mimic.leader.as_str()).ok_or_else(not_a_tree)?;
+            steps += 1;
+            if steps > joints.len() {
+                return Err(not_a_tree());
+            }
+        }
+        if steps > 0 {
+            let leader = drives[at].ok_or_else(not_a_tree)?;
+            drives[j] = Some(Drive {
+                coordinate: leader.coordinate,
+                ratio: a,
+                offset: b,
+                follows: true,
+            });
+        }
+    }
+    Ok((list, drives))
+}
+
+/// A rotation that takes z to `axis`; exact where the axis is a coordinate axis.
+pub(crate) fn z_to(axis: &Vector3<f64>) -> Rotation3<f64> {
+    let columns = |x: Vector3<f64>, y: Vector3<f64>| {
+        Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, y, x.cross(&y)]))
+    };
+    let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
+    match (axis.x, axis.y, axis.z) {
+        (0.0, 0.0, 1.0) => Rotation3::identity(),
+        (0.0, 0.0, -1.0) => columns(x, -y),
+        (0.0, 1.0, 0.0) => columns(z, x),
+        (0.0, -1.0, 0.0) => columns(x, z),
+        (1.0, 0.0, 0.0) => columns(y, z),
+        (-1.0, 0.0, 0.0) => columns(z, y),
+        _ => Rotation3::rotation_between(&z, axis).unwrap_or_else(|| columns(x, -y)),
+    }
+}
+
+pub(crate) fn not_a_tree() -> Problem {
+    Problem::general(
+        "the joints do not connect all links to one root as a tree, or a mimic joint has no leader",
+    )
 }

@@ -8,4 +8,5 @@ pub use inertia::Inertia;
 pub use joint::{Joint, JointKind, Limits, Mimic};
 pub use tree::{Body, Link, Tree};
 
-pub(crate) use tree::{JointSpec, LinkSpec};
+pub(crate) use joint::JointSpec;
+pub(crate) use tree::LinkSpec;

@@ -5,6 +5,7 @@
 //! expanded first.
 
 mod read;
+mod schema;
 mod source;
 mod validate;
 

@@ -2,6 +2,7 @@
 
 use roxmltree::{Document, Node, ParsingOptions};
 
+use super::schema::{Times, children, fault, fields};
 use super::validate::nearest;
 use crate::{Position, Problem};
 
@@ -9,6 +10,8 @@ use crate::{Position, Problem};
 const MAX_BYTES: usize = 16 << 20;
 /// Deepest nesting of elements. A URDF needs six; recursive parsers overflow the stack at some thousands.
 const MAX_DEPTH: usize = 64;
+/// Most attributes of one element; parsers compare each with each.
+const MAX_ATTRIBUTES: usize = 200;
 /// Most elements, comments and stretches of text.
 const MAX_NODES: u32 = 400_000;
 /// Most links, and most joints.
@@ -231,7 +234,14 @@ fn scan(text: &str) -> Option<(usize, String)> {
             depth = depth.saturating_sub(1);
             skip(b">")?
         } else {
-            let end = end_of_tag(bytes, found)?;
+            let (end, attributes) = end_of_tag(bytes, found);
+            if attributes > MAX_ATTRIBUTES {
+                return Some((
+                    found,
+                    format!("the element has more than {MAX_ATTRIBUTES} attributes"),
+                ));
+            }
+            let end = end?;
             let closed = end.checked_sub(1).and_then(|i| bytes.get(i)) == Some(&b'/');
             depth += usize::from(!closed);
             if depth > MAX_DEPTH {
@@ -248,18 +258,21 @@ fn scan(text: &str) -> Option<(usize, String)> {
     None
 }
 
-/// The `>` that ends the tag at `start`, not one within a quoted value.
-fn end_of_tag(bytes: &[u8], start: usize) -> Option<usize> {
-    let mut quote = None;
+/// The `>` that ends the tag at `start`, not one within a quoted value; and the number of quoted values.
+fn end_of_tag(bytes: &[u8], start: usize) -> (Option<usize>, usize) {
+    let (mut quote, mut values) = (None, 0);
     for (i, &b) in bytes.iter().enumerate().skip(start) {
         match (quote, b) {
-            (None, b'"' | b'\'') => quote = Some(b),
-            (None, b'>') => return Some(i),
+            (None, b'"' | b'\'') => {
+                quote = Some(b);
+                values += 1;
+            }
+            (None, b'>') => return (Some(i), values),
             (Some(q), _) if q == b => quote = None,
             _ => {}
         }
     }
-    None
+    (None, values)
 }
 
 fn find(bytes: &[u8], from: usize, what: &[u8]) -> Option<usize> {
@@ -386,179 +399,6 @@ fn xacro_leftovers(document: &Document, report: &mut Report) -> bool {
         }
     }
     report.failed()
-}
-
-/// An attribute that an element may have.
-struct Field {
-    name: &'static str,
-    /// How many numbers it holds; 0 for text.
-    numbers: usize,
-    required: bool,
-    /// Whether an infinite number has a meaning.
-    unbounded: bool,
-}
-
-const fn number(name: &'static str) -> Field {
-    numbers(name, 1)
-}
-const fn numbers(name: &'static str, numbers: usize) -> Field {
-    Field {
-        name,
-        numbers,
-        required: false,
-        unbounded: false,
-    }
-}
-const fn text(name: &'static str) -> Field {
-    numbers(name, 0)
-}
-const fn required(field: Field) -> Field {
-    Field {
-        required: true,
-        ..field
-    }
-}
-const fn unbounded(field: Field) -> Field {
-    Field {
-        unbounded: true,
-        ..field
-    }
-}
-
-/// The attributes of the elements within links and joints.
-fn fields(element: &str, newer: bool) -> Option<&'static [Field]> {
-    Some(match element {
-        "link" => const { &[required(text("name")), text("type")] },
-        "joint" => const { &[required(text("name")), required(text("type"))] },
-        "inertial" | "geometry" => &[],
-        "visual" | "collision" => const { &[text("name"), text("group")] },
-        "origin" => {
-            const {
-                &[
-                    numbers("xyz", 3),
-                    numbers("rpy", 3),
-                    numbers("quat_xyzw", 4),
-                ]
-            }
-        }
-        "mass" => const { &[required(number("value"))] },
-        "inertia" => {
-            const {
-                &[
-                    required(number("ixx")),
-                    required(number("ixy")),
-                    required(number("ixz")),
-                    required(number("iyy")),
-                    required(number("iyz")),
-                    required(number("izz")),
-                ]
-            }
-        }
-        "parent" | "child" => const { &[required(text("link"))] },
-        "axis" => const { &[required(numbers("xyz", 3))] },
-        "limit" if newer => {
-            const {
-                &[
-                    unbounded(number("lower")),
-                    unbounded(number("upper")),
-                    unbounded(number("effort")),
-                    unbounded(number("velocity")),
-                    unbounded(number("acceleration")),
-                    unbounded(number("deceleration")),
-                    unbounded(number("jerk")),
-                ]
-            }
-        }
-        "limit" => {
-            const {
-                &[
-                    unbounded(number("lower")),
-                    unbounded(number("upper")),
-                    unbounded(number("effort")),
-                    required(unbounded(number("velocity"))),
-                    text("acceleration"),
-                    text("deceleration"),
-                    text("jerk"),
-                ]
-            }
-        }
-        "dynamics" => const { &[number("damping"), number("friction")] },
-        "mimic" => {
-            const {
-                &[
-                    required(text("joint")),
-                    number("multiplier"),
-                    number("offset"),
-                ]
-            }
-        }
-        "calibration" => const { &[number("rising"), number("falling")] },
-        "safety_controller" => {
-            const {
-                &[
-                    unbounded(number("soft_lower_limit")),
-                    unbounded(number("soft_upper_limit")),
-                    number("k_position"),
-                    required(number("k_velocity")),
-                ]
-            }
-        }
-        "box" => const { &[required(numbers("size", 3))] },
-        "cylinder" | "capsule" => {
-            const { &[required(number("radius")), required(number("length"))] }
-        }
-        "sphere" => const { &[required(number("radius"))] },
-        "mesh" => const { &[required(text("filename")), numbers("scale", 3)] },
-        "material" => const { &[required(text("name"))] },
-        "color" => const { &[required(numbers("rgba", 4))] },
-        "texture" => const { &[required(text("filename"))] },
-        _ => return None,
-    })
-}
-
-/// How often a child element may stand in its parent.
-enum Times {
-    Once,
-    AtMostOnce,
-    Any,
-}
-
-fn children(element: &str) -> &'static [(&'static str, Times)] {
-    use Times::{Any, AtMostOnce, Once};
-    match element {
-        "link" => &[
-            ("inertial", AtMostOnce),
-            ("visual", Any),
-            ("collision", Any),
-        ],
-        "inertial" => &[("origin", AtMostOnce), ("mass", Once), ("inertia", Once)],
-        "visual" => &[
-            ("origin", AtMostOnce),
-            ("geometry", Once),
-            ("material", AtMostOnce),
-        ],
-        "collision" => &[("origin", AtMostOnce), ("geometry", Once)],
-        "geometry" => &[
-            ("box", AtMostOnce),
-            ("cylinder", AtMostOnce),
-            ("capsule", AtMostOnce),
-            ("sphere", AtMostOnce),
-            ("mesh", AtMostOnce),
-        ],
-        "material" => &[("color", AtMostOnce), ("texture", AtMostOnce)],
-        "joint" => &[
-            ("origin", AtMostOnce),
-            ("parent", Once),
-            ("child", Once),
-            ("axis", AtMostOnce),
-            ("limit", AtMostOnce),
-            ("dynamics", AtMostOnce),
-            ("mimic", AtMostOnce),
-            ("calibration", AtMostOnce),
-            ("safety_controller", AtMostOnce),
-        ],
-        _ => &[],
-    }
 }
 
 struct Walk<'r, 't> {
@@ -734,28 +574,6 @@ impl Walk<'_, '_> {
             }
         }
     }
-}
-
-/// What is wrong with the numbers of an attribute.
-fn fault(value: &str, field: &Field) -> Option<String> {
-    if field.numbers == 0 {
-        return None;
-    }
-    let words: Vec<&str> = value.split_whitespace().take(field.numbers + 2).collect();
-    for word in &words {
-        match word.parse::<f64>() {
-            Err(_) => return Some(format!("{} is not a number", shown(word))),
-            Ok(x) if x.is_nan() => return Some("NaN is not allowed".to_owned()),
-            Ok(x) if x.is_infinite() && !field.unbounded => {
-                return Some(format!("{} is not finite", shown(word)));
-            }
-            Ok(_) => {}
-        }
-    }
-    (words.len() != field.numbers).then(|| match field.numbers {
-        1 => "one number is expected".to_owned(),
-        n => format!("{n} numbers, separated by blanks, are expected"),
-    })
 }
 
 fn child<'a, 'i>(node: &Node<'a, 'i>, name: &'static str) -> Option<Node<'a, 'i>> {
