@@ -1,0 +1,209 @@
+//! Which column of a log holds which signal.
+
+use lagrange::{Position, Problem};
+
+use super::Channels;
+use crate::naming::{hint, quoted};
+
+/// The `[log.columns]` of a model: signals whose columns have other names.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ColumnMap {
+    /// The mapped signals, in the order of the model file.
+    pub mappings: Vec<Mapping>,
+}
+
+/// Where one signal stands: signal = column · scale + offset.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mapping {
+    /// `t`, `run`, `q.<joint>`, `v.<joint>` or `u.<input>`.
+    pub signal: String,
+    /// Name in the log's header.
+    pub column: String,
+    /// Factor on the number in the log.
+    pub scale: f64,
+    /// Added after scaling, in the signal's unit.
+    pub offset: f64,
+}
+
+impl ColumnMap {
+    /// Where `signal` stands: as mapped, else under its own name.
+    pub fn of(&self, signal: &str) -> Mapping {
+        self.mappings
+            .iter()
+            .find(|mapping| mapping.signal == signal)
+            .cloned()
+            .unwrap_or_else(|| Mapping {
+                signal: signal.to_owned(),
+                column: signal.to_owned(),
+                scale: 1.0,
+                offset: 0.0,
+            })
+    }
+}
+
+/// A column that is read.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Source {
+    /// Index in a record.
+    pub index: usize,
+    pub scale: f64,
+    pub offset: f64,
+}
+
+/// All columns that are read.
+#[derive(Debug)]
+pub(super) struct Layout {
+    pub t: Source,
+    pub q: Vec<Source>,
+    pub v: Vec<Option<Source>>,
+    pub u: Vec<Source>,
+    pub run: Option<usize>,
+}
+
+/// Finds the columns of `channels` in `header`.
+pub(super) fn resolve(
+    header: &[&str],
+    channels: &Channels,
+    warnings: &mut Vec<Problem>,
+) -> Result<Layout, Vec<Problem>> {
+    let top = Position { line: 1, column: 1 };
+    let mut problems = Vec::new();
+    if let [only] = header
+        && (only.contains(';') || only.contains('\t'))
+    {
+        return Err(vec![Problem::at(
+            top,
+            format!(
+                "the header is the single column {}: separate columns by commas, and write decimals with a point",
+                quoted(only)
+            ),
+        )]);
+    }
+    for (i, name) in header.iter().enumerate() {
+        if name.is_empty() {
+            continue;
+        }
+        if header.iter().take(i).any(|other| other == name) {
+            problems.push(Problem::at(
+                top,
+                format!("the header has column {} twice: rename one", quoted(name)),
+            ));
+        }
+    }
+
+    let mut search = Search {
+        header,
+        channels,
+        used: vec![false; header.len()],
+        missing: Vec::new(),
+    };
+    let t = search.needed("t");
+    let q: Vec<_> = channels
+        .coordinates
+        .iter()
+        .filter_map(|c| search.needed(&format!("q.{}", c.name)))
+        .collect();
+    let v: Vec<_> = channels
+        .coordinates
+        .iter()
+        .zip(channels.velocities)
+        .map(|(c, &wanted)| {
+            let signal = format!("v.{}", c.name);
+            let mapped = channels.columns.mappings.iter().any(|m| m.signal == signal);
+            match (wanted, mapped) {
+                (false, _) => None,
+                (true, true) => search.needed(&signal),
+                (true, false) => search.find(&signal),
+            }
+        })
+        .collect();
+    let u: Vec<_> = channels
+        .inputs
+        .iter()
+        .filter_map(|name| search.needed(&format!("u.{name}")))
+        .collect();
+    let run_mapped = channels.columns.mappings.iter().any(|m| m.signal == "run");
+    let run = if run_mapped {
+        search.needed("run")
+    } else {
+        search.find("run")
+    };
+
+    let Search { used, missing, .. } = search;
+    let unused: Vec<&str> = header
+        .iter()
+        .zip(&used)
+        .filter(|(_, used)| !**used)
+        .map(|(name, _)| *name)
+        .collect();
+    for (signal, column) in missing {
+        let spelled = if signal == column {
+            quoted(&signal)
+        } else {
+            format!("{} (for {signal}, by [log.columns])", quoted(&column))
+        };
+        problems.push(Problem::at(
+            top,
+            format!(
+                "column {spelled} is missing{}; other names are mapped by [log.columns] in the model",
+                hint(&column, "unused columns", &unused)
+            ),
+        ));
+    }
+    if let (Some(t), true) = (t, problems.is_empty()) {
+        if !unused.is_empty() {
+            let names: Vec<String> = unused.iter().take(20).map(|name| quoted(name)).collect();
+            let more = match unused.len().saturating_sub(20) {
+                0 => String::new(),
+                n => format!(" and {n} more"),
+            };
+            warnings.push(Problem::at(
+                top,
+                format!("columns not used: {}{more}", names.join(", ")),
+            ));
+        }
+        return Ok(Layout {
+            t,
+            q,
+            v,
+            u,
+            run: run.map(|source| source.index),
+        });
+    }
+    Err(problems)
+}
+
+struct Search<'a> {
+    header: &'a [&'a str],
+    channels: &'a Channels<'a>,
+    used: Vec<bool>,
+    /// (signal, column) of what was needed and is not there.
+    missing: Vec<(String, String)>,
+}
+
+impl Search<'_> {
+    fn find(&mut self, signal: &str) -> Option<Source> {
+        let mapping = self.channels.columns.of(signal);
+        let index = self
+            .header
+            .iter()
+            .position(|name| *name == mapping.column)?;
+        if let Some(used) = self.used.get_mut(index) {
+            *used = true;
+        }
+        Some(Source {
+            index,
+            scale: mapping.scale,
+            offset: mapping.offset,
+        })
+    }
+
+    fn needed(&mut self, signal: &str) -> Option<Source> {
+        let found = self.find(signal);
+        if found.is_none() {
+            let column = self.channels.columns.of(signal).column;
+            self.missing.push((signal.to_owned(), column));
+        }
+        found
+    }
+}

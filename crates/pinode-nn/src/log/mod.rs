@@ -1,0 +1,122 @@
+//! Measured logs: CSV with the columns `t`, `q.<joint>`, `v.<joint>`, `u.<input>`, `run`.
+//!
+//! Row k is the state measured at t_k and the input held over [t_k, t_{k+1}). `v.*` and `run` are optional; `run` separates
+//! recordings that do not continue one another. The rows of one run stand together: an id that returns after another run is an
+//! error, since the rows could as well be a second recording under the same name.
+
+mod columns;
+mod read;
+
+use std::path::{Path, PathBuf};
+
+use lagrange::{Coordinate, Problem};
+
+pub use columns::{ColumnMap, Mapping};
+
+use crate::Error;
+use crate::model::{Model, Velocity};
+
+/// Runs shorter than this are left out, with a warning.
+pub const FEWEST_SAMPLES: usize = 8;
+
+/// A log in memory, in SI units and in the order of the model's coordinates and inputs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Log {
+    /// The file it was read from.
+    pub path: PathBuf,
+    /// SHA-256 of the file, hexadecimal.
+    pub sha256: String,
+    /// The recordings, in the order of the file.
+    pub runs: Vec<Run>,
+    /// What was ignored or looks odd.
+    pub warnings: Vec<Problem>,
+}
+
+/// One uninterrupted recording. All columns are as long as `t`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Run {
+    /// What stands in the column `run`; `0` without that column.
+    pub id: String,
+    /// Times, s, increasing.
+    pub t: Vec<f64>,
+    /// Measured positions, one column per coordinate, m or rad.
+    pub q: Vec<Vec<f64>>,
+    /// Measured velocities, one column per coordinate, m/s or rad/s; `None` where the log has none or the model says to use none.
+    pub v: Vec<Option<Vec<f64>>>,
+    /// Inputs, one column per input, in the input's own unit; entry k is held over [t_k, t_{k+1}).
+    pub u: Vec<Vec<f64>>,
+}
+
+impl Run {
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.t.len()
+    }
+    /// Whether there is no sample.
+    pub fn is_empty(&self) -> bool {
+        self.t.is_empty()
+    }
+}
+
+/// What a log is expected to hold.
+#[derive(Debug, Clone, Copy)]
+pub struct Channels<'a> {
+    /// The coordinates: `q.<name>` and `v.<name>`.
+    pub coordinates: &'a [Coordinate],
+    /// For each coordinate, whether a `v.<name>` column is to be used.
+    pub velocities: &'a [bool],
+    /// The inputs: `u.<name>`.
+    pub inputs: &'a [&'a str],
+    /// Where the columns have other names.
+    pub columns: &'a ColumnMap,
+}
+
+impl Log {
+    /// Reads the log at `path` for `model`.
+    ///
+    /// # Errors
+    /// [`Error::Io`], or [`Error::Problems`] with every fault, by line and column (the first twenty, and how many more).
+    pub fn read(path: &Path, model: &Model) -> Result<Log, Error> {
+        let velocities: Vec<bool> = model
+            .sensors
+            .iter()
+            .map(|sensor| sensor.velocity != Velocity::None)
+            .collect();
+        let inputs: Vec<&str> = model
+            .inputs
+            .iter()
+            .map(|input| input.name.as_str())
+            .collect();
+        Log::read_channels(
+            path,
+            &Channels {
+                coordinates: model.mechanics.coordinates(),
+                velocities: &velocities,
+                inputs: &inputs,
+                columns: &model.columns,
+            },
+        )
+    }
+
+    /// Reads the log at `path` without a model.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn read_channels(path: &Path, channels: &Channels) -> Result<Log, Error> {
+        let bytes = read::bytes(path)?;
+        Log::parse(path, &bytes, channels)
+    }
+
+    /// Reads a log that is in memory; `path` is its name in messages.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn parse(path: &Path, bytes: &[u8], channels: &Channels) -> Result<Log, Error> {
+        read::parse(path, bytes, channels)
+    }
+
+    /// Number of samples in all runs.
+    pub fn samples(&self) -> usize {
+        self.runs.iter().map(Run::len).sum()
+    }
+}

@@ -1,0 +1,246 @@
+//! The effects of a model: `[[effect]]` tables, and friction from the URDF's `<dynamics>`.
+
+use lagrange::{Mechanics, Position, Problem};
+
+use super::document::{Faults, Section};
+use super::mechanism::{JointFriction, find_coordinate};
+use super::{EffectEntry, Input, Target};
+use crate::effect::{Action, Kind, registry};
+use crate::naming::{hint, nearest, quoted};
+
+/// Kinds of the file format that this version cannot compute.
+const RESERVED: &[&str] = &[
+    "asymmetric_viscous_friction",
+    "load_dependent_friction",
+    "position_dependent_friction",
+    "gravity_tilt",
+    "periodic_force",
+    "end_stop",
+    "input_offset",
+    "actuator_lag",
+    "input_dead_zone",
+    "input_saturation",
+    "backlash",
+    "elastic_transmission",
+    "added_mass",
+    "reflected_inertia",
+    "sensor_offset",
+    "sensor_scale",
+    "sensor_delay",
+    "dahl_friction",
+    "lugre_friction",
+    "hysteresis",
+    "neural_network",
+];
+
+/// The `[[effect]]` tables, each with its byte offset.
+pub(super) fn read(
+    root: &Section,
+    mechanics: Option<&dyn Mechanics>,
+    inputs: &[Input],
+    faults: &mut Faults,
+) -> Vec<(usize, EffectEntry)> {
+    let mut effects: Vec<(usize, EffectEntry)> = Vec::new();
+    for table in root.sections("effect", faults) {
+        let Some(effect) = read_one(&table, mechanics, inputs, faults) else {
+            continue;
+        };
+        if effects
+            .iter()
+            .any(|(_, other)| other.kind == effect.kind && other.target == effect.target)
+        {
+            faults.at(
+                table.offset,
+                format!(
+                    "{} acts on this target already: the two cannot be told apart, make them one",
+                    effect.kind.name
+                ),
+            );
+        }
+        effects.push((table.offset, effect));
+    }
+    effects
+}
+
+fn read_one(
+    table: &Section,
+    mechanics: Option<&dyn Mechanics>,
+    inputs: &[Input],
+    faults: &mut Faults,
+) -> Option<EffectEntry> {
+    let kind = read_kind(table, faults)?;
+    let of_input = matches!(kind.action, Action::Drive(_));
+    let target_key = if of_input { "input" } else { "joint" };
+
+    let mut known = vec!["kind", target_key, "fixed"];
+    if !of_input {
+        known.push("smoothing");
+    }
+    known.extend(kind.parameters.iter().map(|p| p.name));
+    if let Some(value) = table.get(if of_input { "joint" } else { "input" }) {
+        faults.at(
+            value.span().start,
+            format!(
+                "{} acts on {}: write `{target_key} = \"…\"`",
+                kind.name,
+                if of_input { "an input" } else { "a joint" }
+            ),
+        );
+        known.extend(["joint", "input"]);
+    }
+    let titled = Section {
+        title: kind.name.to_owned(),
+        ..table.clone()
+    };
+    titled.check_keys(&known, faults);
+
+    let target = titled
+        .needed_string(target_key, faults)
+        .and_then(|name| match of_input {
+            false => find_coordinate(mechanics?, name.value, name.offset(), faults)
+                .map(Target::Coordinate),
+            true => {
+                let index = inputs.iter().position(|input| input.name == name.value);
+                if index.is_none() {
+                    let names: Vec<&str> = inputs.iter().map(|i| i.name.as_str()).collect();
+                    faults.at(
+                        name.offset(),
+                        format!(
+                            "unknown input {}{}",
+                            quoted(name.value),
+                            hint(name.value, "inputs", &names)
+                        ),
+                    );
+                }
+                index.map(Target::Input)
+            }
+        });
+    let angular = match target {
+        Some(Target::Coordinate(i)) => mechanics
+            .and_then(|m| m.coordinates().get(i))
+            .is_some_and(|c| c.angular),
+        _ => false,
+    };
+
+    let takes = || -> String {
+        let list: Vec<String> = kind
+            .parameters
+            .iter()
+            .map(|p| format!("{} ({})", p.name, p.quantity.unit(angular)))
+            .collect();
+        list.join(", ")
+    };
+    let mut values = Vec::with_capacity(kind.parameters.len());
+    for spec in kind.parameters {
+        let unit = spec.quantity.unit(angular);
+        let bounds = match (spec.lower.is_finite(), spec.upper.is_finite()) {
+            (true, true) => format!("from {} to {} {unit}", spec.lower, spec.upper),
+            (true, false) => format!("at least {} {unit}", spec.lower),
+            (false, true) => format!("at most {} {unit}", spec.upper),
+            (false, false) => "finite".to_owned(),
+        };
+        if table.get(spec.name).is_none() {
+            faults.at(
+                table.offset,
+                format!(
+                    "{} takes {}: {} is missing",
+                    kind.name,
+                    takes(),
+                    quoted(spec.name)
+                ),
+            );
+        }
+        let within = |x: f64| (spec.lower..=spec.upper).contains(&x);
+        values.extend(table.number_that(spec.name, &bounds, within, faults));
+    }
+    let smoothing = if of_input {
+        None
+    } else {
+        let positive = |x: f64| x > 0.0;
+        table.number_that("smoothing", "a positive velocity", positive, faults)
+    };
+    let fixed = table.boolean("fixed", faults).unwrap_or(false);
+    if values.len() != kind.parameters.len() {
+        return None;
+    }
+    Some(EffectEntry {
+        kind,
+        target: target?,
+        values,
+        smoothing,
+        fixed,
+    })
+}
+
+fn read_kind(table: &Section, faults: &mut Faults) -> Option<&'static Kind> {
+    let name = table.needed_string("kind", faults)?;
+    let found = registry::find(name.value);
+    if found.is_none() {
+        let names = || registry::ALL.iter().map(|kind| kind.name);
+        let message = if RESERVED.contains(&name.value) {
+            let all: Vec<&str> = names().collect();
+            format!(
+                "{} is a known kind of effect that this version does not support; supported: {}",
+                quoted(name.value),
+                all.join(", ")
+            )
+        } else {
+            format!(
+                "unknown kind of effect {}; nearest: {}",
+                quoted(name.value),
+                quoted(nearest(name.value, names()).unwrap_or(""))
+            )
+        };
+        faults.at(name.offset(), message);
+    }
+    found
+}
+
+/// Adds the URDF's friction where the model does not give its own; says so where it does.
+pub(super) fn add_joint_friction(
+    friction: &[JointFriction],
+    mechanics: &dyn Mechanics,
+    text: &str,
+    effects: &mut Vec<(usize, EffectEntry)>,
+    warnings: &mut Vec<Problem>,
+) {
+    let mut from_urdf = Vec::new();
+    for joint in friction {
+        for (name, value) in [
+            ("viscous_friction", joint.damping),
+            ("coulomb_friction", joint.friction),
+        ] {
+            let Some(kind) = registry::find(name).filter(|_| value > 0.0) else {
+                continue;
+            };
+            let entry = EffectEntry {
+                kind,
+                target: Target::Coordinate(joint.coordinate),
+                values: vec![value],
+                smoothing: None,
+                fixed: false,
+            };
+            match effects
+                .iter()
+                .find(|(_, own)| own.kind == entry.kind && own.target == entry.target)
+            {
+                None => from_urdf.push((0, entry)),
+                Some((offset, _)) => {
+                    let joint = mechanics
+                        .coordinates()
+                        .get(joint.coordinate)
+                        .map_or("", |c| c.name.as_str());
+                    warnings.push(Problem::at(
+                        Position::of(text, *offset),
+                        format!(
+                            "{name} of {} takes the place of the URDF's, which is {value}",
+                            quoted(joint)
+                        ),
+                    ));
+                }
+            }
+        }
+    }
+    from_urdf.append(effects);
+    *effects = from_urdf;
+}

@@ -1,0 +1,299 @@
+//! Reading a model file: all faults of it, and of the URDF it names, at once.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use lagrange::{Mechanics, Position, Problem, Problems};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use super::document::{Faults, Section, mismatch};
+use super::mechanism::{self, find_coordinate};
+use super::{Input, Model, effects, sensor, tolerance};
+use crate::Error;
+use crate::log::{ColumnMap, Mapping};
+use crate::naming::{hint, quoted};
+
+/// A larger model file is refused.
+const LARGEST: u64 = 16 << 20;
+
+/// The text of the model file at `path`.
+pub(super) fn text(path: &Path) -> Result<String, Error> {
+    let problem = |problem: Problem| {
+        Error::Problems(Problems {
+            source: path.display().to_string(),
+            list: vec![problem],
+        })
+    };
+    let mut bytes = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(LARGEST + 1).read_to_end(&mut bytes))
+        .map_err(|e| Error::io(path, e))?;
+    if bytes.len() as u64 > LARGEST {
+        return Err(problem(Problem::general(
+            "the file is larger than 16 MiB: it is no model",
+        )));
+    }
+    String::from_utf8(bytes).map_err(|e| {
+        let valid = e.utf8_error().valid_up_to();
+        let before = String::from_utf8_lossy(e.as_bytes().get(..valid).unwrap_or_default());
+        problem(Problem::at(
+            Position::of(&before, before.len()),
+            "this byte is not UTF-8: a model is a TOML text in UTF-8",
+        ))
+    })
+}
+
+/// The model in `text`; `path` is its name in messages, and its folder is where its URDF is looked for.
+pub(super) fn parse(path: &Path, text: String, strict: bool) -> Result<Model, Error> {
+    let source = path.display().to_string();
+    let mut faults = Faults::default();
+    let (document, syntax) = DeTable::parse_recoverable(&text);
+    for error in &syntax {
+        faults.at(
+            error.span().map_or(0, |span| span.start),
+            error.message().trim().replace('\n', ", "),
+        );
+    }
+    if !faults.is_empty() {
+        return Err(Error::Problems(Problems {
+            source,
+            list: faults.into_problems(&text),
+        }));
+    }
+    let root = Section {
+        title: "the model".to_owned(),
+        table: document.get_ref(),
+        offset: 0,
+    };
+    root.check_keys(
+        &[
+            "name",
+            "urdf",
+            "gravity",
+            "base",
+            "mimic",
+            "urdf_dynamics",
+            "lagrangian",
+            "input",
+            "effect",
+            "sensor",
+            "tolerance",
+            "mass_scale",
+            "log",
+            "loop",
+        ],
+        &mut faults,
+    );
+    let name = root.string("name", &mut faults);
+    let (mut foreign, mut warnings) = (Vec::new(), Vec::new());
+    let mechanism = mechanism::read(
+        &root,
+        path,
+        &text,
+        strict,
+        &mut faults,
+        &mut foreign,
+        &mut warnings,
+    );
+    let mechanics = mechanism.as_ref().map(|m| m.mechanics.as_ref());
+    let inputs = inputs(&root, mechanics, &mut faults);
+    let named: Vec<Input> = inputs.iter().map(|(input, _)| input.clone()).collect();
+    let mut entries = effects::read(&root, mechanics, &named, &mut faults);
+    let sensors = sensor::read(&root, mechanics, &mut faults);
+    let tolerance = tolerance::read(&root, mechanics, &mut faults);
+    let parameter_values = tolerance::parameter_values(&root, mechanics, &mut faults);
+    let columns = columns(&root, mechanics, &named, &mut faults);
+
+    let Some(mechanism) = mechanism.filter(|_| faults.is_empty()) else {
+        return Err(Error::Problems(together(source, &text, faults, foreign)));
+    };
+    let mut own = Vec::new();
+    effects::add_joint_friction(
+        &mechanism.friction,
+        mechanism.mechanics.as_ref(),
+        &text,
+        &mut entries,
+        &mut own,
+    );
+    if !own.is_empty() {
+        warnings.push(Problems { source, list: own });
+    }
+    let stem = path.file_stem().and_then(|stem| stem.to_str());
+    Ok(Model {
+        name: name
+            .map(|name| name.value.to_owned())
+            .or(mechanism.name)
+            .or(stem.map(str::to_owned))
+            .unwrap_or_default(),
+        path: path.to_owned(),
+        mechanics: mechanism.mechanics,
+        parameter_values,
+        inputs: named,
+        effects: entries.into_iter().map(|(_, entry)| entry).collect(),
+        sensors,
+        tolerance,
+        columns,
+        warnings,
+        urdf: mechanism.urdf,
+        text,
+    })
+}
+
+/// The faults of the model file and those of the URDF; the URDF's alone keep their own source.
+fn together(source: String, text: &str, faults: Faults, foreign: Vec<Problems>) -> Problems {
+    let mut list = faults.into_problems(text);
+    let mut foreign = foreign.into_iter();
+    if list.is_empty()
+        && let Some(only) = foreign.next()
+    {
+        return only;
+    }
+    for other in foreign {
+        for problem in other.list {
+            let separator = if problem.position.is_some() {
+                ":"
+            } else {
+                ": "
+            };
+            list.push(Problem::general(format!(
+                "{}{separator}{problem}",
+                other.source
+            )));
+        }
+    }
+    if list.is_empty() {
+        list.push(Problem::general("the mechanism cannot be read"));
+    }
+    Problems { source, list }
+}
+
+/// The `[[input]]` tables with their byte offsets; a faulty one keeps its name, so that who refers to it is not blamed.
+fn inputs(
+    root: &Section,
+    mechanics: Option<&dyn Mechanics>,
+    faults: &mut Faults,
+) -> Vec<(Input, usize)> {
+    let mut inputs: Vec<(Input, usize)> = Vec::new();
+    for table in root.sections("input", faults) {
+        table.check_keys(&["name", "joint", "gain"], faults);
+        let name = table.needed_string("name", faults);
+        let coordinate = table
+            .needed_string("joint", faults)
+            .and_then(|joint| find_coordinate(mechanics?, joint.value, joint.offset(), faults));
+        let gain = table.number_that("gain", "different from 0", |x| x != 0.0, faults);
+        let Some(name) = name else {
+            continue;
+        };
+        let unfit = |c: char| c.is_control() || matches!(c, ',' | '"');
+        if name.value.is_empty() || name.value.trim() != name.value || name.value.contains(unfit) {
+            faults.at(
+                name.offset(),
+                format!(
+                    "the input's name {} cannot head the column u.<name> of a log: no blanks around it, no comma, quote or control character",
+                    quoted(name.value)
+                ),
+            );
+        }
+        if inputs.iter().any(|(other, _)| other.name == name.value) {
+            faults.at(
+                name.offset(),
+                format!("two inputs are called {}: rename one", quoted(name.value)),
+            );
+        }
+        inputs.push((
+            Input {
+                name: name.value.to_owned(),
+                coordinate: coordinate.unwrap_or(0),
+                gain: gain.unwrap_or(1.0),
+            },
+            table.offset,
+        ));
+    }
+    inputs
+}
+
+/// The `[log.columns]` table.
+fn columns(
+    root: &Section,
+    mechanics: Option<&dyn Mechanics>,
+    inputs: &[Input],
+    faults: &mut Faults,
+) -> ColumnMap {
+    let mut map = ColumnMap::default();
+    let Some(log) = root.section("log", "[log]", faults) else {
+        return map;
+    };
+    log.check_keys(&["columns"], faults);
+    let Some(table) = log.section("columns", "[log.columns]", faults) else {
+        return map;
+    };
+    let mut signals = vec!["t".to_owned(), "run".to_owned()];
+    for coordinate in mechanics.map_or(&[][..], |m| m.coordinates()) {
+        signals.push(format!("q.{}", coordinate.name));
+        signals.push(format!("v.{}", coordinate.name));
+    }
+    signals.extend(inputs.iter().map(|input| format!("u.{}", input.name)));
+    let signals: Vec<&str> = signals.iter().map(String::as_str).collect();
+    for (signal, value) in table.entries() {
+        if mechanics.is_some() && !signals.contains(&signal.value) {
+            let nested = matches!(value.get_ref(), DeValue::Table(_))
+                && ["q", "v", "u"].contains(&signal.value);
+            let cure = if nested {
+                format!("; quote the whole signal: \"{}.<name>\" = …", signal.value)
+            } else {
+                hint(signal.value, "signals", &signals)
+            };
+            faults.at(
+                signal.offset(),
+                format!("unknown signal {}{cure}", quoted(signal.value)),
+            );
+            continue;
+        }
+        map.mappings.extend(mapping(signal.value, value, faults));
+    }
+    map
+}
+
+fn mapping(signal: &str, value: &Spanned<DeValue>, faults: &mut Faults) -> Option<Mapping> {
+    let (column, scale, offset) = match value.get_ref() {
+        DeValue::String(column) => (column.to_string(), 1.0, 0.0),
+        DeValue::Table(table) => {
+            let section = Section {
+                title: format!("the column of {}", quoted(signal)),
+                table,
+                offset: value.span().start,
+            };
+            section.check_keys(&["column", "scale", "offset"], faults);
+            let column = match section.get("column") {
+                Some(_) => section.string("column", faults)?.value.to_owned(),
+                None => signal.to_owned(),
+            };
+            let scale = section.number_that("scale", "different from 0", |x| x != 0.0, faults);
+            let offset = section.number("offset", faults).map(|o| o.value);
+            (column, scale.unwrap_or(1.0), offset.unwrap_or(0.0))
+        }
+        _ => {
+            mismatch(
+                signal,
+                value,
+                "the name of a column, or { column = \"…\", scale = …, offset = … }",
+                faults,
+            );
+            return None;
+        }
+    };
+    if signal == "run" && (scale != 1.0 || offset != 0.0) {
+        faults.at(
+            value.span().start,
+            "`run` is an id: it takes no scale and no offset",
+        );
+    }
+    Some(Mapping {
+        signal: signal.to_owned(),
+        column,
+        scale,
+        offset,
+    })
+}

@@ -1,0 +1,211 @@
+//! Models: one TOML file with a mechanism, inputs, effects, sensors and how well all this is known.
+//!
+//! ```toml
+//! name = "pendulum"
+//!
+//! [lagrangian]                         # or: urdf = "pendulum.urdf"
+//! coordinates = ["phi"]
+//! angles      = ["phi"]
+//! kinetic     = "0.5*m*l^2*phi_dot^2"
+//! potential   = "-m*g*l*cos(phi)"
+//! [lagrangian.parameters]
+//! m = 0.2
+//! l = 0.5
+//! g = 9.81
+//!
+//! [[input]]                            # column u.motor of a log
+//! name  = "motor"
+//! joint = "phi"
+//! gain  = 0.1                          # N·m per unit of u
+//!
+//! [[effect]]
+//! kind  = "viscous_friction"
+//! joint = "phi"
+//! coefficient = 0.01                   # N·m·s/rad
+//! # smoothing = 0.01                   # of a sign change, rad/s or m/s
+//! # fixed = true                       # a fit leaves it alone
+//!
+//! [sensor.phi]
+//! position_noise = 1e-3                # rad
+//! zero = 0.0                           # the sensor reads q + zero
+//!
+//! [tolerance]
+//! parameters = { l = 0.01 }
+//!
+//! # [mass_scale]                       # with a URDF: factors on masses and inertias, by link
+//! # pole = 1.02
+//! ```
+//!
+//! With a URDF, its `<dynamics damping friction>` become `viscous_friction` and `coulomb_friction` unless `urdf_dynamics = false`
+//! or an `[[effect]]` of the same kind sits on the same joint.
+
+mod document;
+mod effects;
+mod file;
+mod mechanism;
+mod sensor;
+mod tolerance;
+mod write;
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use lagrange::{Mechanics, Problems};
+
+pub use sensor::{Sensor, Velocity};
+pub use tolerance::Tolerance;
+pub use write::Revision;
+
+use crate::Error;
+use crate::effect::Kind;
+use crate::log::ColumnMap;
+
+/// A model: M(q) v̇ + C(q, v) v + G(q) = Σ gain · u + Σ effects, and what is known of sensors and tolerances.
+#[derive(Clone)]
+pub struct Model {
+    /// Its name; the URDF's, else the file's, where the file gives none.
+    pub name: String,
+    /// The file.
+    pub path: PathBuf,
+    /// The equations of motion without inputs and effects.
+    pub mechanics: Arc<dyn Mechanics>,
+    /// The constants of [`Mechanics::parameters`], `[mass_scale]` applied.
+    pub parameter_values: Vec<f64>,
+    /// The actuators.
+    pub inputs: Vec<Input>,
+    /// Everything that makes Q beside the inputs; the URDF's friction first.
+    pub effects: Vec<EffectEntry>,
+    /// One per coordinate.
+    pub sensors: Vec<Sensor>,
+    /// How well the rest is known.
+    pub tolerance: Tolerance,
+    /// Which columns of a log hold which signals.
+    pub columns: ColumnMap,
+    /// What reads oddly, by source: the model file, the URDF.
+    pub warnings: Vec<Problems>,
+    urdf: Option<mechanism::UrdfFile>,
+    text: String,
+}
+
+/// An actuator: the generalized force gain · u on one coordinate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Input {
+    /// Name; column `u.<name>` of a log.
+    pub name: String,
+    /// Index of the coordinate that it acts on.
+    pub coordinate: usize,
+    /// N or N·m per unit of u.
+    pub gain: f64,
+}
+
+/// One effect with its numbers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EffectEntry {
+    /// What it is.
+    pub kind: &'static Kind,
+    /// What it acts on.
+    pub target: Target,
+    /// As many as [`Kind::parameters`], in that order.
+    pub values: Vec<f64>,
+    /// Velocity over which a sign change of friction is spread, m/s or rad/s; `None`: the default.
+    pub smoothing: Option<f64>,
+    /// Whether a fit leaves it alone.
+    pub fixed: bool,
+}
+
+/// What an effect acts on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Target {
+    /// The coordinate with this index.
+    Coordinate(usize),
+    /// The input with this index.
+    Input(usize),
+}
+
+impl Model {
+    /// Reads the model at `path` and the URDF it names.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when the file cannot be read, or [`Error::Problems`] with every fault in it or in the URDF, by line and
+    /// column.
+    pub fn load(path: &Path) -> Result<Model, Error> {
+        file::parse(path, file::text(path)?, false)
+    }
+
+    /// As [`load`](Self::load), and refuses inertias that no real body can have, which `load` only warns of.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn load_strict(path: &Path) -> Result<Model, Error> {
+        file::parse(path, file::text(path)?, true)
+    }
+
+    /// Reads a model from `text`; `path` is its name in messages, and a URDF is looked for in its folder.
+    ///
+    /// ```
+    /// use std::path::Path;
+    /// use pinode_nn::model::Model;
+    ///
+    /// let model = Model::parse(Path::new("cart.toml"), r#"
+    ///     [lagrangian]
+    ///     coordinates = ["x"]
+    ///     kinetic = "0.5*m*x_dot^2"
+    ///     potential = "0"
+    ///     parameters = { m = 2.0 }
+    ///
+    ///     [[effect]]
+    ///     kind = "viscous_friction"
+    ///     joint = "x"
+    ///     coefficient = 0.5
+    /// "#)?;
+    /// assert_eq!(model.effects[0].values, [0.5]);
+    ///
+    /// let error = Model::parse(Path::new("cart.toml"), "urfd = 'cart.urdf'").err().map(|e| e.to_string());
+    /// assert!(error.is_some_and(|e| e.contains("cart.toml:1:1: unknown key `urfd`") && e.contains("nearest: `urdf`")));
+    /// # Ok::<(), pinode_nn::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn parse(path: &Path, text: impl Into<String>) -> Result<Model, Error> {
+        file::parse(path, text.into(), false)
+    }
+
+    /// The name of what an effect acts on.
+    pub fn target_name(&self, target: Target) -> &str {
+        match target {
+            Target::Coordinate(i) => self.mechanics.coordinates().get(i).map(|c| c.name.as_str()),
+            Target::Input(i) => self.inputs.get(i).map(|input| input.name.as_str()),
+        }
+        .unwrap_or("")
+    }
+
+    /// Whether the coordinate that `target` acts on is an angle.
+    pub fn target_is_angular(&self, target: Target) -> bool {
+        let coordinate = match target {
+            Target::Coordinate(i) => Some(i),
+            Target::Input(i) => self.inputs.get(i).map(|input| input.coordinate),
+        };
+        coordinate
+            .and_then(|i| self.mechanics.coordinates().get(i))
+            .is_some_and(|c| c.angular)
+    }
+}
+
+impl fmt::Debug for Model {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Model")
+            .field("name", &self.name)
+            .field("path", &self.path)
+            .field("coordinates", &self.mechanics.coordinates())
+            .field("parameter_values", &self.parameter_values)
+            .field("inputs", &self.inputs)
+            .field("effects", &self.effects)
+            .field("sensors", &self.sensors)
+            .field("tolerance", &self.tolerance)
+            .field("columns", &self.columns)
+            .field("warnings", &self.warnings)
+            .finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,361 @@
+//! Writing a revised model: the file that was read, with its comments and layout, and what changed in it.
+
+use std::path::{Path, PathBuf};
+
+use lagrange::{Problem, Problems, Role};
+use toml_edit::{ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike, Value};
+
+use super::{EffectEntry, Model, Target};
+use crate::Error;
+use crate::disk::write_atomically;
+
+/// New numbers and effects for a [`Model`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Revision {
+    /// The complete new list of effects; each with the comment that says where it comes from, which precedes it in the file when
+    /// it is new there (may be empty).
+    pub effects: Vec<(EffectEntry, String)>,
+    /// In place of [`Model::parameter_values`].
+    pub parameter_values: Vec<f64>,
+    /// In place of the inputs' gains.
+    pub gains: Vec<f64>,
+    /// In place of the sensors' zeros.
+    pub zeros: Vec<f64>,
+}
+
+impl Revision {
+    /// The revision that changes nothing.
+    pub fn of(model: &Model) -> Self {
+        Revision {
+            effects: model
+                .effects
+                .iter()
+                .map(|entry| (entry.clone(), String::new()))
+                .collect(),
+            parameter_values: model.parameter_values.clone(),
+            gains: model.inputs.iter().map(|input| input.gain).collect(),
+            zeros: model.sensors.iter().map(|sensor| sensor.zero).collect(),
+        }
+    }
+}
+
+impl Model {
+    /// Writes the model with `revision` applied to `dir/file_name`, and its URDF beside it; returns the path of the model.
+    ///
+    /// Numbers that did not change stay as they are written. The URDF keeps its name; where another file has it already, part of
+    /// the URDF's hash is added. Each file is written whole or not at all. `dir` is made where it is missing.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::OverwritesInput`], [`Error::Revision`] when a list has the wrong length, [`Error::Problems`] when a
+    /// number is not finite.
+    pub fn write_revision(
+        &self,
+        dir: &Path,
+        file_name: &str,
+        revision: &Revision,
+    ) -> Result<PathBuf, Error> {
+        self.check(revision)?;
+        let path = dir.join(file_name);
+        std::fs::create_dir_all(dir).map_err(|e| Error::io(dir, e))?;
+        if let (Ok(new), Ok(old)) = (path.canonicalize(), self.path.canonicalize())
+            && new == old
+        {
+            return Err(Error::OverwritesInput { path });
+        }
+        let mut document: DocumentMut = self.text.parse().map_err(|e: toml_edit::TomlError| {
+            Error::Problems(Problems {
+                source: self.path.display().to_string(),
+                list: vec![Problem::general(e.message().to_owned())],
+            })
+        })?;
+        if let Some(urdf) = &self.urdf {
+            let name = copy_urdf(&urdf.path, &urdf.text, dir)?;
+            set(document.as_table_mut(), "urdf", Value::from(name));
+        }
+        self.revise(&mut document, revision);
+        write_atomically(&path, document.to_string().as_bytes())?;
+        Ok(path)
+    }
+
+    fn check(&self, revision: &Revision) -> Result<(), Error> {
+        let parameters: usize = self.parameter_values.len();
+        for (what, found, expected) in [
+            (
+                "parameter values",
+                revision.parameter_values.len(),
+                parameters,
+            ),
+            ("gains", revision.gains.len(), self.inputs.len()),
+            ("zeros", revision.zeros.len(), self.sensors.len()),
+        ] {
+            if found != expected {
+                return Err(Error::Revision {
+                    what,
+                    found,
+                    expected,
+                });
+            }
+        }
+        for (entry, _) in &revision.effects {
+            if entry.values.len() != entry.kind.parameters.len() {
+                return Err(Error::Revision {
+                    what: "parameters of an effect",
+                    found: entry.values.len(),
+                    expected: entry.kind.parameters.len(),
+                });
+            }
+        }
+        let effects = revision.effects.iter().flat_map(|(e, _)| &e.values);
+        let mut numbers = revision
+            .parameter_values
+            .iter()
+            .chain(&revision.gains)
+            .chain(&revision.zeros)
+            .chain(effects);
+        match numbers.find(|x| !x.is_finite()) {
+            None => Ok(()),
+            Some(x) => Err(Error::Problems(Problems {
+                source: self.path.display().to_string(),
+                list: vec![Problem::general(format!(
+                    "the revision holds the number {x}: all must be finite"
+                ))],
+            })),
+        }
+    }
+
+    fn revise(&self, document: &mut DocumentMut, revision: &Revision) {
+        let parameters = self.mechanics.parameters();
+        for ((parameter, &old), &new) in parameters
+            .iter()
+            .zip(&self.parameter_values)
+            .zip(&revision.parameter_values)
+        {
+            if new == old {
+                continue;
+            }
+            let keys: &[&str] = match parameter.role {
+                Role::MassScale => &["mass_scale"],
+                _ => &["lagrangian", "parameters"],
+            };
+            set_number(document, keys, &parameter.name, new);
+        }
+        let coordinates = self.mechanics.coordinates();
+        for ((sensor, coordinate), &zero) in
+            self.sensors.iter().zip(coordinates).zip(&revision.zeros)
+        {
+            if zero != sensor.zero {
+                set_number(document, &["sensor", &coordinate.name], "zero", zero);
+            }
+        }
+        self.revise_inputs(document, &revision.gains);
+        self.revise_effects(document, &revision.effects);
+    }
+
+    fn revise_inputs(&self, document: &mut DocumentMut, gains: &[f64]) {
+        if self
+            .inputs
+            .iter()
+            .zip(gains)
+            .all(|(i, &gain)| i.gain == gain)
+        {
+            return;
+        }
+        let Some(tables) = array_of_tables(document, "input") else {
+            return;
+        };
+        for ((table, input), &gain) in tables.iter_mut().zip(&self.inputs).zip(gains) {
+            if gain != input.gain {
+                set(table, "gain", number(gain));
+            }
+        }
+    }
+
+    fn revise_effects(&self, document: &mut DocumentMut, effects: &[(EffectEntry, String)]) {
+        if effects.len() == self.effects.len()
+            && effects
+                .iter()
+                .zip(&self.effects)
+                .all(|((new, _), old)| new == old)
+        {
+            return;
+        }
+        if self.urdf.is_some() {
+            // From here on all effects stand in the model.
+            let as_before = document.get("urdf_dynamics").and_then(Item::as_bool) == Some(false);
+            if !as_before && self.has_urdf_effects(document) {
+                set(document.as_table_mut(), "urdf_dynamics", Value::from(false));
+            }
+        }
+        let Some(tables) = array_of_tables(document, "effect") else {
+            return;
+        };
+        let target_of = |table: &Table| -> (String, String) {
+            let text = |key| {
+                table
+                    .get(key)
+                    .and_then(Item::as_str)
+                    .unwrap_or("")
+                    .to_owned()
+            };
+            let target = match table.get("joint") {
+                Some(_) => text("joint"),
+                None => text("input"),
+            };
+            (text("kind"), target)
+        };
+        let key_of = |entry: &EffectEntry| -> (String, String) {
+            let target = self.target_name(entry.target).to_owned();
+            (entry.kind.name.to_owned(), target)
+        };
+        tables.retain(|table| {
+            let key = target_of(table);
+            effects.iter().any(|(entry, _)| key_of(entry) == key)
+        });
+        for (entry, comment) in effects {
+            let key = key_of(entry);
+            let existing = tables.iter_mut().find(|table| target_of(table) == key);
+            match existing {
+                Some(table) => fill(table, entry),
+                None => {
+                    let mut table = Table::new();
+                    let mut prefix = String::from("\n");
+                    for line in comment.lines() {
+                        prefix.push_str("# ");
+                        prefix.extend(line.chars().filter(|c| !c.is_control()));
+                        prefix.push('\n');
+                    }
+                    table.decor_mut().set_prefix(prefix);
+                    set(&mut table, "kind", Value::from(entry.kind.name));
+                    let target_key = match entry.target {
+                        Target::Coordinate(_) => "joint",
+                        Target::Input(_) => "input",
+                    };
+                    set(&mut table, target_key, Value::from(key.1));
+                    fill(&mut table, entry);
+                    tables.push(table);
+                }
+            }
+        }
+        if tables.is_empty() {
+            document.remove("effect");
+        }
+    }
+
+    /// Whether the model has more effects than its file: those of the URDF.
+    fn has_urdf_effects(&self, document: &DocumentMut) -> bool {
+        let written = match document.get("effect") {
+            Some(Item::ArrayOfTables(tables)) => tables.len(),
+            Some(Item::Value(Value::Array(array))) => array.len(),
+            _ => 0,
+        };
+        self.effects.len() > written
+    }
+}
+
+/// Writes the numbers of `entry`.
+fn fill(table: &mut Table, entry: &EffectEntry) {
+    let mut put = |key: &str, new: Option<f64>| {
+        let old = table.get(key).and_then(as_number);
+        match new {
+            Some(x) if old != Some(x) => set(table, key, number(x)),
+            None => drop(table.remove(key)),
+            _ => {}
+        }
+    };
+    for (spec, &value) in entry.kind.parameters.iter().zip(&entry.values) {
+        put(spec.name, Some(value));
+    }
+    put("smoothing", entry.smoothing);
+    let fixed = table.get("fixed").and_then(Item::as_bool).unwrap_or(false);
+    if fixed != entry.fixed {
+        set(table, "fixed", Value::from(entry.fixed));
+    }
+}
+
+fn as_number(item: &Item) -> Option<f64> {
+    item.as_float()
+        .or_else(|| item.as_integer().map(|i| i as f64))
+}
+
+/// The shortest text that reads back as `x`.
+fn number(x: f64) -> Value {
+    format!("{x:?}").parse().unwrap_or_else(|_| Value::from(x))
+}
+
+/// Sets a key; comments and spaces around an old value stay.
+fn set(table: &mut dyn TableLike, key: &str, mut value: Value) {
+    if let Some(Item::Value(old)) = table.get(key) {
+        *value.decor_mut() = old.decor().clone();
+        if let Some(item) = table.get_mut(key) {
+            *item = Item::Value(value);
+        }
+    } else {
+        table.insert(key, Item::Value(value));
+    }
+}
+
+/// Sets `key` in the table at `path`, which is made where it is missing.
+fn set_number(document: &mut DocumentMut, path: &[&str], key: &str, x: f64) {
+    let mut table: &mut dyn TableLike = document.as_table_mut();
+    for (depth, name) in path.iter().enumerate() {
+        if !table.contains_key(name) {
+            // A new table has a header of its own, except within braces, where `insert` makes it inline.
+            let mut new = Table::new();
+            new.set_implicit(depth + 1 < path.len());
+            table.insert(name, Item::Table(new));
+        }
+        let Some(next) = table.get_mut(name).and_then(Item::as_table_like_mut) else {
+            return;
+        };
+        table = next;
+    }
+    set(table, key, number(x));
+}
+
+/// `[[key]]`, made where it is missing; an inline array of tables becomes one.
+fn array_of_tables<'a>(document: &'a mut DocumentMut, key: &str) -> Option<&'a mut ArrayOfTables> {
+    let item = document
+        .entry(key)
+        .or_insert_with(|| Item::ArrayOfTables(ArrayOfTables::new()));
+    if let Item::Value(Value::Array(array)) = item {
+        let tables: ArrayOfTables = array
+            .iter()
+            .filter_map(Value::as_inline_table)
+            .cloned()
+            .map(InlineTable::into_table)
+            .collect();
+        *item = Item::ArrayOfTables(tables);
+    }
+    item.as_array_of_tables_mut()
+}
+
+/// Puts the URDF into `dir` and returns its name there.
+fn copy_urdf(path: &Path, text: &str, dir: &Path) -> Result<String, Error> {
+    let name_of = |part: Option<&std::ffi::OsStr>| {
+        part.map_or("robot".into(), |p| p.to_string_lossy().into_owned())
+    };
+    let name = name_of(path.file_name());
+    if holds(&dir.join(&name), text)? {
+        return Ok(name);
+    }
+    if !dir.join(&name).exists() {
+        write_atomically(&dir.join(&name), text.as_bytes())?;
+        return Ok(name);
+    }
+    let hash = crate::disk::sha256(text.as_bytes());
+    let short = hash.get(..12).unwrap_or(&hash);
+    let name = format!("{}-{short}.urdf", name_of(path.file_stem()));
+    if !holds(&dir.join(&name), text)? {
+        write_atomically(&dir.join(&name), text.as_bytes())?;
+    }
+    Ok(name)
+}
+
+/// Whether the file at `path` is there and holds `text`.
+fn holds(path: &Path, text: &str) -> Result<bool, Error> {
+    match std::fs::read(path) {
+        Ok(bytes) => Ok(bytes == text.as_bytes()),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(false),
+        Err(e) => Err(Error::io(path, e)),
+    }
+}

@@ -1,0 +1,69 @@
+//! Names in messages: quoted, bounded in length, with the nearest valid one.
+
+/// Longer names are cut in messages and not compared.
+const LONGEST: usize = 60;
+
+/// `name` between backquotes; control characters escaped, long ones cut.
+pub(crate) fn quoted(name: &str) -> String {
+    let mut out = String::from("`");
+    for (count, c) in name.chars().enumerate() {
+        if count == LONGEST {
+            out.push('…');
+            break;
+        }
+        if c.is_control() {
+            out.extend(c.escape_default());
+        } else {
+            out.push(c);
+        }
+    }
+    out.push('`');
+    out
+}
+
+/// The candidate with the smallest edit distance to `name`.
+pub(crate) fn nearest<'a>(
+    name: &str,
+    candidates: impl IntoIterator<Item = &'a str>,
+) -> Option<&'a str> {
+    let short: String = name
+        .chars()
+        .take(LONGEST)
+        .collect::<String>()
+        .to_lowercase();
+    candidates
+        .into_iter()
+        .min_by_key(|candidate| strsim::osa_distance(&short, &candidate.to_lowercase()))
+}
+
+/// `; nearest: x`, and all candidates when they are few; says so when there are none.
+pub(crate) fn hint<'a>(name: &str, what: &str, candidates: &[&'a str]) -> String {
+    match (nearest(name, candidates.iter().copied()), candidates.len()) {
+        (None, _) => format!("; there are no {what}"),
+        (Some(only), 1) => format!("; {what}: {}", quoted(only)),
+        (Some(best), 2..=8) => format!(
+            "; nearest: {} ({what}: {})",
+            quoted(best),
+            candidates.join(", ")
+        ),
+        (Some(best), _) => format!("; nearest: {}", quoted(best)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_name_is_the_one_with_fewest_edits() {
+        assert_eq!(nearest("silder", ["pole", "slider"]), Some("slider"));
+        assert_eq!(nearest("Pole", ["pole", "slider"]), Some("pole"));
+        assert_eq!(nearest("x", []), None);
+    }
+
+    #[test]
+    fn quoted_names_are_bounded_and_on_one_line() {
+        assert_eq!(quoted("a\nb"), "`a\\nb`");
+        assert!(quoted(&"x".repeat(10_000)).len() < 80);
+    }
+}
