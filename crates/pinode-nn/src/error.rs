@@ -22,6 +22,32 @@ pub enum Error {
     /// The equations of motion failed.
     #[error("{0}")]
     Mechanics(lagrange::Error),
+    /// Too little data to name anything.
+    #[error(
+        "the logs hold {fit} windows of {window:.3} s to fit and {held_out} to hold out; {} and {} are needed: give a longer log",
+        needed.0, needed.1
+    )]
+    TooShort {
+        /// Length of a window, s.
+        window: f64,
+        /// Windows that a fit may see.
+        fit: usize,
+        /// Windows held out.
+        held_out: usize,
+        /// How many of each are needed.
+        needed: (usize, usize),
+    },
+    /// The model as given cannot be simulated over the log.
+    #[error(
+        "the model as given diverges in {diverged} of {windows} windows of the log: check units, signs and the order of columns \
+         (`pinode check` prints what the model expects)"
+    )]
+    Unfittable {
+        /// Windows in which it diverges.
+        diverged: usize,
+        /// All windows.
+        windows: usize,
+    },
     /// A model would replace the file it was read from.
     #[error("{} is the model that was read: write the revised one to another folder or under another name", path.display())]
     OverwritesInput {

@@ -6,7 +6,9 @@
 
 use lagrange::Scalar;
 
-use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity, smooth_sign};
+use super::{
+    Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Probe, Quantity, smooth_sign,
+};
 
 struct AsymmetricCoulomb;
 
@@ -40,4 +42,14 @@ pub static KIND: Kind = Kind {
     ],
     action: Action::Joint(&OnCoordinate(AsymmetricCoulomb)),
     contains: &["coulomb_friction"],
+    probes: |scales, contained| {
+        let force = contained.first().copied().unwrap_or(0.0);
+        let d = scales.small_force();
+        [(d, -d), (d, 0.0), (0.0, d)]
+            .map(|(positive, negative)| Probe {
+                neutral: vec![force, force],
+                perturbed: vec![force + positive, force + negative],
+            })
+            .to_vec()
+    },
 };

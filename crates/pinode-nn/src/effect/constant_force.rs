@@ -5,7 +5,9 @@
 
 use lagrange::Scalar;
 
-use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity};
+use super::{
+    Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity, kind::from_zero,
+};
 
 struct ConstantForce;
 
@@ -29,4 +31,5 @@ pub static KIND: Kind = Kind {
     }],
     action: Action::Joint(&OnCoordinate(ConstantForce)),
     contains: &[],
+    probes: |scales, _| from_zero(scales.small_force()),
 };

@@ -4,7 +4,10 @@
 
 use lagrange::Scalar;
 
-use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity, smooth_sign};
+use super::{
+    Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity, kind::from_zero,
+    smooth_sign,
+};
 
 struct Coulomb;
 
@@ -28,4 +31,5 @@ pub static KIND: Kind = Kind {
     }],
     action: Action::Joint(&OnCoordinate(Coulomb)),
     contains: &[],
+    probes: |scales, _| from_zero(scales.small_force()),
 };

@@ -4,7 +4,9 @@
 
 use lagrange::Scalar;
 
-use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity};
+use super::{
+    Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity, kind::from_zero,
+};
 
 struct CubicSpring;
 
@@ -28,4 +30,7 @@ pub static KIND: Kind = Kind {
     }],
     action: Action::Joint(&OnCoordinate(CubicSpring)),
     contains: &[],
+    probes: |scales, _| {
+        from_zero(scales.small_force() / (scales.centre.abs() + scales.reach).powi(3))
+    },
 };

@@ -7,7 +7,7 @@
 //! which is exact for the impulse over the step and has the derivative ∂ū/∂T = [u(a − T) − u(b − T)] / (b − a). Before the
 //! recording starts the input is taken as its first value.
 
-use super::{Action, DriveLaw, Family, Grid, Kind, ParameterSpec, Quantity, Signal};
+use super::{Action, DriveLaw, Family, Grid, Kind, ParameterSpec, Probe, Quantity, Signal};
 
 struct Delay;
 
@@ -100,4 +100,12 @@ pub static KIND: Kind = Kind {
     }],
     action: Action::Drive(&Delay),
     contains: &[],
+    probes: |_, _| {
+        [0.005, 0.02, 0.045]
+            .map(|delay| Probe {
+                neutral: vec![0.0],
+                perturbed: vec![delay],
+            })
+            .to_vec()
+    },
 };

@@ -3,7 +3,9 @@
 //! g is a ratio, 0 where the gain in the model is right. The same as an error of all masses that the input moves, unless gravity
 //! or another known force sets the scale.
 
-use super::{Action, DriveLaw, Family, Grid, Kind, ParameterSpec, Quantity, Signal};
+use super::{
+    Action, DriveLaw, Family, Grid, Kind, ParameterSpec, Quantity, Signal, kind::from_zero,
+};
 
 struct GainError;
 
@@ -38,4 +40,5 @@ pub static KIND: Kind = Kind {
     }],
     action: Action::Drive(&GainError),
     contains: &[],
+    probes: |_, _| from_zero(0.05),
 };

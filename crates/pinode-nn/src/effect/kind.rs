@@ -17,6 +17,46 @@ pub struct Kind {
     pub action: Action,
     /// Kinds that this one contains as a special case: where it joins them on a target, it takes their place.
     pub contains: &'static [&'static str],
+    /// First steps away from its absence, by which a screen sees what the kind could do. Takes the scales of the motion and, where
+    /// it would take the place of a contained effect, that one's parameters (else none).
+    pub probes: fn(&Scales, &[f64]) -> Vec<Probe>,
+}
+
+/// A small step from the absence of an effect.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Probe {
+    /// Parameters at which the model is as it was.
+    pub neutral: Vec<f64>,
+    /// Parameters a step away.
+    pub perturbed: Vec<f64>,
+}
+
+/// How large the motion on a target is, in the log.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scales {
+    /// Middle of the range of q, m or rad.
+    pub centre: f64,
+    /// Half the range of q, m or rad.
+    pub reach: f64,
+    /// Speed exceeded in one sample of twenty, m/s or rad/s.
+    pub speed: f64,
+    /// Generalized force that moves the coordinate, root mean square, N or N·m.
+    pub force: f64,
+}
+
+impl Scales {
+    /// A force that is small beside those at work.
+    pub fn small_force(&self) -> f64 {
+        0.05 * self.force
+    }
+}
+
+/// The one probe of a kind with one parameter, in which it is linear and vanishes at 0.
+pub(super) fn from_zero(perturbed: f64) -> Vec<Probe> {
+    vec![Probe {
+        neutral: vec![0.0],
+        perturbed: vec![perturbed],
+    }]
 }
 
 /// Kinds are the same when their names are.

@@ -5,7 +5,7 @@
 
 use lagrange::Scalar;
 
-use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity};
+use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Probe, Quantity};
 
 struct LinearSpring;
 
@@ -38,4 +38,16 @@ pub static KIND: Kind = Kind {
     ],
     action: Action::Joint(&OnCoordinate(LinearSpring)),
     contains: &[],
+    probes: |scales, _| {
+        let stiffness = scales.small_force() / scales.reach;
+        [-1.0, 0.0, 1.0]
+            .map(|side| {
+                let rest = scales.centre + side * scales.reach;
+                Probe {
+                    neutral: vec![0.0, rest],
+                    perturbed: vec![stiffness, rest],
+                }
+            })
+            .to_vec()
+    },
 };

@@ -24,4 +24,9 @@ mod viscous_friction;
 
 pub use drive::{DriveLaw, Grid, Signal};
 pub use joint_force::{ForceLaw, JointForce, JointForceDerivatives, OnCoordinate, smooth_sign};
-pub use kind::{Action, Family, Kind, ParameterSpec, Quantity};
+pub use kind::{Action, Family, Kind, ParameterSpec, Probe, Quantity, Scales};
+
+/// Velocity over which a sign change of friction is spread unless the model says otherwise: 3 mm/s, or 10 mrad/s on an angle.
+pub fn default_smoothing(angular: bool) -> f64 {
+    if angular { 1e-2 } else { 3e-3 }
+}

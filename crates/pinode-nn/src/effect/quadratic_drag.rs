@@ -4,7 +4,9 @@
 
 use lagrange::Scalar;
 
-use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity};
+use super::{
+    Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity, kind::from_zero,
+};
 
 struct QuadraticDrag;
 
@@ -28,4 +30,5 @@ pub static KIND: Kind = Kind {
     }],
     action: Action::Joint(&OnCoordinate(QuadraticDrag)),
     contains: &[],
+    probes: |scales, _| from_zero(scales.small_force() / scales.speed.powi(2)),
 };

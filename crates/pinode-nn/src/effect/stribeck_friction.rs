@@ -5,7 +5,9 @@
 
 use lagrange::Scalar;
 
-use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity, smooth_sign};
+use super::{
+    Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Probe, Quantity, smooth_sign,
+};
 
 struct Stribeck;
 
@@ -46,4 +48,19 @@ pub static KIND: Kind = Kind {
     ],
     action: Action::Joint(&OnCoordinate(Stribeck)),
     contains: &["coulomb_friction"],
+    probes: |scales, contained| {
+        let force = contained.first().copied().unwrap_or(0.0);
+        let d = scales.small_force();
+        // Beside known Coulomb friction the hump alone is new.
+        let step = if contained.is_empty() { d } else { 0.0 };
+        [0.03, 0.08, 0.2]
+            .map(|fraction| {
+                let velocity = fraction * scales.speed;
+                Probe {
+                    neutral: vec![force, force, velocity],
+                    perturbed: vec![force + step, force + step + d, velocity],
+                }
+            })
+            .to_vec()
+    },
 };

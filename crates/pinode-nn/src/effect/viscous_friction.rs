@@ -5,12 +5,14 @@
 
 use lagrange::Scalar;
 
-use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity};
+use super::{
+    Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity, kind::from_zero,
+};
 
 struct Viscous;
 
 impl ForceLaw for Viscous {
-    fn force<D: Scalar>(&self, _q: D, _v: D, p: &[D], _smoothing: f64) -> D {
+    fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], _smoothing: f64) -> D {
         -p[0] * v
     }
 }
@@ -29,4 +31,5 @@ pub static KIND: Kind = Kind {
     }],
     action: Action::Joint(&OnCoordinate(Viscous)),
     contains: &[],
+    probes: |scales, _| from_zero(scales.small_force() / scales.speed),
 };

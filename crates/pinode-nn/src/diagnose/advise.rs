@@ -1,0 +1,89 @@
+//! What to do or to record next.
+
+use super::search::{Search, UNEXPLAINED, is_unexplained};
+use super::study::Study;
+use super::verdict::{NamedEffect, Verdict};
+
+/// Delays below this are not told from a lag, s.
+const SHORT_DELAY: f64 = 5e-3;
+
+/// Advice on ties, weak findings and what is left unexplained.
+pub fn advise(
+    study: &Study,
+    search: &Search,
+    effects: &[NamedEffect],
+    verdict: Verdict,
+) -> Vec<String> {
+    let mut advice = Vec::new();
+    for effect in effects {
+        let own = format!("{} on `{}`", spoken(&effect.kind), effect.target);
+        for other in &effect.indistinguishable_from {
+            let tie = format!(
+                "{own} and {} on `{}` cannot be told apart here",
+                spoken(&other.kind),
+                other.target
+            );
+            advice.push(format!("{tie}: {}.", experiment(&effect.kind, &other.kind)));
+        }
+        if effect.confidence < 0.9 && effect.indistinguishable_from.is_empty() {
+            advice.push(format!(
+                "{own} is the best of several names (confidence {:.2}): record a longer log with a wider range of speeds and inputs.",
+                effect.confidence
+            ));
+        }
+        let delay = effect.parameters.get("delay").map(|d| d.value);
+        if delay.is_some_and(|d| d < SHORT_DELAY) {
+            advice.push(format!(
+                "a delay of {:.1} ms is not told from a lag: record sharp steps of the input.",
+                1e3 * delay.unwrap_or(0.0)
+            ));
+        }
+    }
+    if verdict != Verdict::NothingMissing && is_unexplained(study, &search.model, UNEXPLAINED) {
+        let coordinates = search.model.hybrid.mechanics().coordinates();
+        let excess: Vec<String> = search
+            .model
+            .excess(&study.observations)
+            .iter()
+            .zip(&study.observations.channels)
+            .filter(|(_, channel)| !channel.velocity)
+            .map(|(excess, channel)| {
+                let name = &coordinates[channel.coordinate].name;
+                format!("{excess:.1} times on `{name}`")
+            })
+            .collect();
+        advice.push(format!(
+            "what is left is larger than the sensor noise ({}): something is missing that no effect in the library explains.",
+            excess.join(", ")
+        ));
+    }
+    advice
+}
+
+/// The experiment that splits two names.
+fn experiment(a: &str, b: &str) -> &'static str {
+    let is = |x: &str| a == x || b == x;
+    if is("constant_force") && is("asymmetric_coulomb_friction") {
+        "turn the rig or its rail by 180° (a constant force changes sign, friction does not), or log it at rest with zero input, \
+         coming to rest from both sides"
+    } else if is("input_gain_error") {
+        "let it move without input: the gain then has no part in it"
+    } else if is("quadratic_drag")
+        || is("viscous_friction")
+        || is("stribeck_friction")
+        || is("coulomb_friction")
+    {
+        "drive it slowly and fast, each both ways, so that the speeds span a range of at least 1 : 10"
+    } else if is("linear_spring") || is("cubic_spring") || is("constant_force") {
+        "move slowly through the whole range of positions, both ways"
+    } else if is("input_delay") {
+        "record sharp steps of the input"
+    } else {
+        "record a longer log with a wider range of speeds, positions and inputs"
+    }
+}
+
+/// A kind's name as people say it.
+fn spoken(kind: &str) -> String {
+    kind.replace('_', " ")
+}

@@ -1,0 +1,237 @@
+//! What the log itself tells: noise of each sensor, outliers, gaps.
+
+use super::smooth::unwrapped;
+use super::verdict::DataFault;
+use crate::log::Log;
+use crate::model::{Model, Velocity};
+use crate::shooting::{Channel, Observations, ObservedRun};
+
+/// The observations in a model's logs, and the faults of the data. The logs in `held_out` come last.
+pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> (Observations, Vec<DataFault>) {
+    let coordinates = model.mechanics.coordinates();
+    let nv = coordinates.len();
+    let all: Vec<&crate::log::Run> = logs
+        .iter()
+        .chain(held_out)
+        .flat_map(|log| &log.runs)
+        .collect();
+    // Velocities count only where they are measured everywhere, and are not differences of the positions after all.
+    let measured_velocity: Vec<usize> = (0..nv)
+        .filter(|&c| {
+            model.sensors[c].velocity == Velocity::Measured
+                && all.iter().all(|run| {
+                    run.v[c]
+                        .as_ref()
+                        .is_some_and(|v| !is_difference(&run.t, &run.q[c], v))
+                })
+        })
+        .collect();
+
+    let mut channels = Vec::new();
+    let mut columns: Vec<Vec<Vec<f64>>> = Vec::new();
+    for (c, coordinate) in coordinates.iter().enumerate() {
+        columns.push(all.iter().map(|run| run.q[c].clone()).collect());
+        channels.push(Channel {
+            coordinate: c,
+            velocity: false,
+            wraps: coordinate.wraps,
+            noise: 0.0,
+        });
+    }
+    for &c in &measured_velocity {
+        columns.push(
+            all.iter()
+                .map(|run| run.v[c].clone().unwrap_or_default())
+                .collect(),
+        );
+        channels.push(Channel {
+            coordinate: c,
+            velocity: true,
+            wraps: false,
+            noise: 0.0,
+        });
+    }
+
+    let mut faults = Vec::new();
+    let mut valid: Vec<Vec<Vec<bool>>> = Vec::new();
+    for (channel, column) in channels.iter_mut().zip(&columns) {
+        let smooth: Vec<Vec<f64>> = column
+            .iter()
+            .map(|y| {
+                if channel.wraps {
+                    unwrapped(y)
+                } else {
+                    y.clone()
+                }
+            })
+            .collect();
+        let sensor = &model.sensors[channel.coordinate];
+        let quantum = sensor.resolution.unwrap_or(0.0) / 12.0_f64.sqrt();
+        let declared = sensor.position_noise.filter(|_| !channel.velocity);
+        channel.noise = match declared {
+            Some(noise) => noise.hypot(quantum),
+            None => noise(&smooth).max(quantum),
+        };
+        let range = smooth
+            .iter()
+            .flatten()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &y| {
+                (low.min(y), high.max(y))
+            });
+        // A sensor without noise does not exist; a simulated log may have none.
+        channel.noise = channel.noise.max(1e-7 * (range.1 - range.0).max(1e-9));
+        let marked: Vec<Vec<bool>> = smooth
+            .iter()
+            .map(|y| without_outliers(y, channel.noise))
+            .collect();
+        let name = &coordinates[channel.coordinate].name;
+        let letter = if channel.velocity { "v" } else { "q" };
+        let when: Vec<[f64; 2]> = all
+            .iter()
+            .zip(&marked)
+            .flat_map(|(run, marks)| {
+                let times = marks.iter().enumerate().filter(|(_, valid)| !**valid);
+                times.map(|(k, _)| [run.t[k], run.t[k]]).collect::<Vec<_>>()
+            })
+            .collect();
+        if !when.is_empty() {
+            faults.push(DataFault {
+                kind: "outliers".into(),
+                column: format!("{letter}.{name}"),
+                detail: format!(
+                    "{} of {} samples stand alone, far from both neighbours; they are left out of all fits",
+                    when.len(),
+                    smooth.iter().map(Vec::len).sum::<usize>()
+                ),
+                when: when.into_iter().take(100).collect(),
+            });
+        }
+        valid.push(marked);
+    }
+    faults.extend(all.iter().filter_map(|run| gaps(&run.t)));
+
+    let runs = all
+        .iter()
+        .enumerate()
+        .map(|(r, run)| ObservedRun {
+            t: run.t.clone(),
+            u: run.u.clone(),
+            y: columns.iter().map(|column| column[r].clone()).collect(),
+            valid: valid.iter().map(|marks| marks[r].clone()).collect(),
+        })
+        .collect();
+    (Observations { channels, runs }, faults)
+}
+
+/// Noise of a sensor, from its readings alone: 1.4826 · median |Δᵐ y| / √(2m choose m), the smaller of m = 4 and m = 6. Differences
+/// of that order remove the motion; what is left of a fast one makes the lower order the larger.
+pub fn noise(runs: &[Vec<f64>]) -> f64 {
+    let of_order = |m: usize, binomial: f64| {
+        let mut size: Vec<f64> = Vec::new();
+        for run in runs {
+            let mut d = run.clone();
+            for _ in 0..m {
+                d = d.windows(2).map(|p| p[1] - p[0]).collect();
+            }
+            size.extend(d.into_iter().map(f64::abs));
+        }
+        1.4826 * median(&mut size) / binomial.sqrt()
+    };
+    of_order(4, 70.0).min(of_order(6, 924.0))
+}
+
+pub(super) fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Whether `v` is the backward difference of `q`, to rounding of a decimal log.
+fn is_difference(t: &[f64], q: &[f64], v: &[f64]) -> bool {
+    let mut agree = 0;
+    let mut moving = 0;
+    for k in 1..t.len() {
+        let d = (q[k] - q[k - 1]) / (t[k] - t[k - 1]);
+        if d != 0.0 {
+            moving += 1;
+            agree += usize::from((d - v[k]).abs() <= 1e-3 * d.abs());
+        }
+    }
+    moving > 0 && agree * 10 > moving * 9
+}
+
+/// False where a sample stands alone: away from the median of the five around it by more than ten times what is usual, and by more
+/// than eight times the noise.
+fn without_outliers(y: &[f64], noise: f64) -> Vec<bool> {
+    let away: Vec<f64> = (0..y.len())
+        .map(|k| {
+            let first = k.saturating_sub(2).min(y.len().saturating_sub(5));
+            let mut five: Vec<f64> = y[first..(first + 5).min(y.len())].to_vec();
+            (y[k] - median(&mut five)).abs()
+        })
+        .collect();
+    let usual = 1.4826 * median(&mut away.clone());
+    let limit = (10.0 * usual).max(8.0 * noise);
+    (0..y.len())
+        .map(|k| {
+            // At the ends of a recording the five do not surround the sample.
+            k < 2 || k + 2 >= y.len() || away[k] <= limit
+        })
+        .collect()
+}
+
+fn gaps(t: &[f64]) -> Option<DataFault> {
+    let mut intervals: Vec<f64> = t.windows(2).map(|p| p[1] - p[0]).collect();
+    let typical = median(&mut intervals);
+    let when: Vec<[f64; 2]> = t
+        .windows(2)
+        .filter(|p| p[1] - p[0] > 1.5 * typical)
+        .map(|p| [p[0], p[1]])
+        .collect();
+    (!when.is_empty()).then(|| DataFault {
+        kind: "gap".into(),
+        column: "t".into(),
+        detail: format!(
+            "{} intervals are longer than 1.5 times the usual {typical:.4} s; the input is taken as held over them",
+            when.len()
+        ),
+        when: when.into_iter().take(100).collect(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, Normal};
+
+    #[test]
+    fn noise_is_found_under_motion() {
+        let normal = Normal::new(0.0, 1e-3).unwrap();
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+        let y: Vec<f64> = (0..3000)
+            .map(|k| 0.2 * (5.0 * k as f64 * 0.02).sin() + normal.sample(&mut rng))
+            .collect();
+        let found = noise(&[y]);
+        assert!((found / 1e-3 - 1.0).abs() < 0.1, "{found}");
+    }
+
+    #[test]
+    fn a_glitch_is_masked_and_a_fast_swing_is_not() {
+        let mut y: Vec<f64> = (0..500).map(|k| (10.0 * k as f64 * 0.02).sin()).collect();
+        assert!(without_outliers(&y, 1e-3).iter().all(|v| *v));
+        y[100] += 0.5;
+        let valid = without_outliers(&y, 1e-3);
+        assert!(!valid[100] && valid.iter().filter(|v| !**v).count() == 1);
+    }
+
+    #[test]
+    fn velocities_that_are_differences_are_recognised() {
+        let t: Vec<f64> = (0..50).map(|k| k as f64 * 0.02).collect();
+        let q: Vec<f64> = t.iter().map(|t| (3.0 * t).sin()).collect();
+        let mut v = vec![0.0];
+        v.extend((1..50).map(|k| (q[k] - q[k - 1]) / 0.02));
+        assert!(is_difference(&t, &q, &v));
+        let true_v: Vec<f64> = t.iter().map(|t| 3.0 * (3.0 * t).cos()).collect();
+        assert!(!is_difference(&t, &q, &true_v));
+    }
+}

@@ -1,0 +1,269 @@
+//! Where the model disagrees: the force that is needed and not modelled, and what it depends on.
+//!
+//! r = M(q) v̇ + C(q, v) v + G(q) − Q_model with q, v, v̇ from local cubics through the measurements. This explains and orders; it
+//! does not decide: its noise is too high for that.
+
+use super::audit::median;
+use super::curves::ResidualForce;
+use super::smooth::Smoothed;
+use super::study::{Fitted, Study};
+use super::verdict::Disagreement;
+
+/// Number of quantile bins of the correlation ratio.
+const BINS: usize = 12;
+
+/// Locates the disagreement of a fitted model, worst coordinate first.
+pub fn locate(
+    study: &Study,
+    fitted: &Fitted,
+    smoothed: &[Smoothed],
+    half_width: f64,
+    input_names: &[String],
+) -> (Vec<Disagreement>, Vec<ResidualForce>) {
+    let hybrid = &fitted.hybrid;
+    let nv = hybrid.nv();
+    let theta = &fitted.inside.theta;
+    let mut memory = hybrid.memory(&[]);
+    let coordinates = hybrid.mechanics().coordinates();
+    let mut residuals: Vec<Vec<f64>> = vec![Vec::new(); nv];
+    let mut noise_square = vec![0.0; nv];
+    let mut times: Vec<(usize, f64)> = Vec::new();
+    let mut signals = Signals::new(coordinates, input_names);
+
+    for (r, run) in study.observations.runs.iter().enumerate() {
+        let inputs = hybrid.drive(&run.t, &run.u, 1, theta, &[]);
+        let smooth = &smoothed[r];
+        let interval = (run.t.last().unwrap_or(&0.0) - run.t.first().unwrap_or(&0.0))
+            / run.t.len().saturating_sub(1).max(1) as f64;
+        // Samples a quarter of the kernel apart: closer ones say the same.
+        let stride = ((0.5 * half_width / interval.max(1e-12)) as usize).max(1);
+        let side = ((half_width / interval.max(1e-12)) as usize).max(3) as f64;
+        // Deviation of a local quadratic's or cubic's second derivative over 2 side + 1 samples of unit noise.
+        let curvature_noise = (720.0 / (2.0 * side + 1.0).powi(5)).sqrt() / interval.powi(2);
+        let lag = ((0.08 / interval.max(1e-12)) as usize).max(1);
+        let mut reversal = vec![run.t[0]; nv];
+        for k in 0..run.t.len().saturating_sub(1) {
+            for (c, since) in reversal.iter_mut().enumerate() {
+                if k > 0 && smooth.v[c][k] * smooth.v[c][k - 1] < 0.0 {
+                    *since = run.t[k];
+                }
+            }
+            if k % stride != 0 || (k as f64) < side || k as f64 + side >= run.t.len() as f64 {
+                continue;
+            }
+            let state = smooth.state(k);
+            let (q, v) = state.split_at(nv);
+            let q: Vec<f64> = (0..nv)
+                .map(|c| q[c] - theta[hybrid.zero_index(c)])
+                .collect();
+            if hybrid
+                .acceleration((&q, v), theta, &inputs, k, &mut memory)
+                .is_err()
+            {
+                continue;
+            }
+            let p = &theta[..hybrid.mechanics().parameters().len()];
+            let mut mass = nalgebra::DMatrix::zeros(nv, nv);
+            let mut work = hybrid.mechanics().workspace();
+            hybrid
+                .mechanics()
+                .mass_matrix_into(&q, p, &mut work, &mut mass);
+            // M (measured acceleration − modelled acceleration) is the missing force.
+            for i in 0..nv {
+                let mut force = 0.0;
+                let mut variance = 0.0;
+                for j in 0..nv {
+                    force += mass[(i, j)] * (smooth.a[j][k] - memory.acceleration[j]);
+                    let noise = study.observations.channels[j].noise * curvature_noise;
+                    variance += (mass[(i, j)] * noise).powi(2);
+                }
+                residuals[i].push(force);
+                noise_square[i] += variance;
+            }
+            times.push((r, run.t[k]));
+            signals.push(run, smooth, k, lag, &reversal);
+        }
+    }
+
+    let n = times.len().max(1) as f64;
+    let mut out: Vec<(f64, Disagreement, ResidualForce)> = (0..nv)
+        .map(|c| {
+            let force = &residuals[c];
+            let square = force.iter().map(|f| f * f).sum::<f64>() / n;
+            let floor = (noise_square[c] / n).max(f64::MIN_POSITIVE);
+            let explained = signals.explain(c, force);
+            let (best, share) = explained.first().copied().unwrap_or((0, 0.0));
+            let coordinate = &coordinates[c];
+            let disagreement = Disagreement {
+                coordinate: coordinate.name.clone(),
+                share: 0.0,
+                rms: square.sqrt(),
+                unit: coordinate.force_unit().into(),
+                r#where: signals.words(c, best, share, force),
+                when: intervals(&times, force, half_width),
+            };
+            let residual = ResidualForce {
+                coordinate: coordinate.name.clone(),
+                unit: coordinate.force_unit().into(),
+                t: times.iter().map(|t| t.1).collect(),
+                force: force.clone(),
+                explained_by: explained
+                    .iter()
+                    .map(|&(s, share)| (signals.names[s].0.clone(), share))
+                    .collect(),
+                best_signal: (
+                    signals.names[best].0.clone(),
+                    signals.names[best].1.clone(),
+                    signals.values[best].clone(),
+                ),
+            };
+            ((square / floor - 1.0).max(0.0), disagreement, residual)
+        })
+        .collect();
+    let total: f64 = out.iter().map(|o| o.0).sum();
+    for (excess, disagreement, _) in &mut out {
+        disagreement.share = if total > 0.0 { *excess / total } else { 0.0 };
+    }
+    out.sort_by(|a, b| b.0.total_cmp(&a.0));
+    out.into_iter().map(|(_, d, r)| (d, r)).unzip()
+}
+
+/// What a missing force could depend on, at the looked-at samples.
+struct Signals {
+    names: Vec<(String, String)>,
+    values: Vec<Vec<f64>>,
+}
+
+impl Signals {
+    fn new(coordinates: &[lagrange::Coordinate], inputs: &[String]) -> Self {
+        let mut names = Vec::new();
+        for c in coordinates {
+            let unit = c.unit();
+            names.push((format!("position of {}", c.name), unit.to_owned()));
+            names.push((format!("velocity of {}", c.name), format!("{unit}/s")));
+            names.push((format!("acceleration of {}", c.name), format!("{unit}/s²")));
+            names.push((format!("time since {} reversed", c.name), "s".to_owned()));
+        }
+        for input in inputs {
+            names.push((format!("input {input}"), String::new()));
+            names.push((format!("change of input {input} over 80 ms"), String::new()));
+        }
+        names.push(("time".to_owned(), "s".to_owned()));
+        Signals {
+            values: vec![Vec::new(); names.len()],
+            names,
+        }
+    }
+
+    fn push(
+        &mut self,
+        run: &crate::shooting::ObservedRun,
+        smooth: &Smoothed,
+        k: usize,
+        lag: usize,
+        reversal: &[f64],
+    ) {
+        let mut all = Vec::with_capacity(self.names.len());
+        for c in 0..smooth.q.len() {
+            all.extend([
+                smooth.q[c][k],
+                smooth.v[c][k],
+                smooth.a[c][k],
+                run.t[k] - reversal[c],
+            ]);
+        }
+        for u in &run.u {
+            all.extend([u[k], u[k] - u[k.saturating_sub(lag)]]);
+        }
+        all.push(run.t[k]);
+        for (column, value) in self.values.iter_mut().zip(all) {
+            column.push(value);
+        }
+    }
+
+    /// Adjusted correlation ratio η² = 1 − [RSS/(n − B)] / [TSS/(n − 1)] of each signal over B quantile bins, largest first. The
+    /// acceleration shares its noise with the force and is left out for its own coordinate.
+    fn explain(&self, coordinate: usize, force: &[f64]) -> Vec<(usize, f64)> {
+        let mut sorted = force.to_vec();
+        let middle = median(&mut sorted);
+        let mut away: Vec<f64> = force.iter().map(|f| (f - middle).abs()).collect();
+        let limit = 4.0 * 1.4826 * median(&mut away);
+        let clipped: Vec<f64> = force
+            .iter()
+            .map(|f| f.clamp(middle - limit, middle + limit))
+            .collect();
+        let n = clipped.len();
+        if n < 4 * BINS {
+            return vec![(0, 0.0)];
+        }
+        let mean = clipped.iter().sum::<f64>() / n as f64;
+        let total: f64 = clipped.iter().map(|f| (f - mean).powi(2)).sum();
+        let mut shares: Vec<(usize, f64)> = (0..self.names.len())
+            .filter(|&s| s != 4 * coordinate + 2)
+            .map(|s| {
+                let mut order: Vec<usize> = (0..n).collect();
+                order.sort_by(|&a, &b| self.values[s][a].total_cmp(&self.values[s][b]));
+                let rest: f64 = (0..BINS)
+                    .map(|b| {
+                        let bin = &order[b * n / BINS..(b + 1) * n / BINS];
+                        let mean = bin.iter().map(|&i| clipped[i]).sum::<f64>() / bin.len() as f64;
+                        bin.iter()
+                            .map(|&i| (clipped[i] - mean).powi(2))
+                            .sum::<f64>()
+                    })
+                    .sum();
+                let ratio = (rest / (n - BINS) as f64) / (total / (n - 1) as f64).max(1e-300);
+                (s, (1.0 - ratio).max(0.0))
+            })
+            .collect();
+        shares.sort_by(|a, b| b.1.total_cmp(&a.1));
+        shares
+    }
+
+    fn words(&self, _coordinate: usize, best: usize, share: f64, force: &[f64]) -> String {
+        let n = force.len().max(1) as f64;
+        let mean = force.iter().sum::<f64>() / n;
+        let rms = (force.iter().map(|f| f * f).sum::<f64>() / n).sqrt();
+        if share < 0.05 {
+            return if mean.abs() > 0.5 * rms {
+                "everywhere alike: a constant".to_owned()
+            } else {
+                "not tied to any one signal".to_owned()
+            };
+        }
+        format!(
+            "follows the {} ({:.0} % of its variance)",
+            self.names[best].0,
+            100.0 * share
+        )
+    }
+}
+
+/// The times around which the force is largest: the upper twentieth, joined where close, the longest ten.
+fn intervals(times: &[(usize, f64)], force: &[f64], half_width: f64) -> Vec<[f64; 2]> {
+    let mut sizes: Vec<f64> = force.iter().map(|f| f.abs()).collect();
+    sizes.sort_by(f64::total_cmp);
+    let Some(&limit) = sizes.get(sizes.len() * 19 / 20) else {
+        return Vec::new();
+    };
+    let mut joined: Vec<(usize, [f64; 2])> = Vec::new();
+    for (&(run, t), f) in times.iter().zip(force) {
+        if f.abs() < limit {
+            continue;
+        }
+        match joined.last_mut() {
+            Some((r, interval)) if *r == run && t - interval[1] < 4.0 * half_width => {
+                interval[1] = t;
+            }
+            _ => joined.push((run, [t, t])),
+        }
+    }
+    let mut intervals: Vec<[f64; 2]> = joined
+        .into_iter()
+        .map(|(_, [a, b])| [a - half_width, b + half_width])
+        .collect();
+    intervals.sort_by(|a, b| (b[1] - b[0]).total_cmp(&(a[1] - a[0])));
+    intervals.truncate(10);
+    intervals.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    intervals
+}

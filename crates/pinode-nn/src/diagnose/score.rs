@@ -1,0 +1,103 @@
+//! How well a fitted model explains each window, and whether one explains them better than another.
+
+use crate::shooting::{Channel, Fit};
+
+/// Noise counts with this factor: a model that fits below it gains nothing more.
+const FLOOR: f64 = 0.7;
+
+/// Log-likelihood of each window under its own variance, l_w = −½ Σ_c n_cw ln(SSE_cw/n_cw + (0.7 σ_c)²).
+///
+/// With one variance for all windows a few chaotic ones would own the sum. −∞ where the roll-out diverges.
+pub fn window_scores(fit: &Fit, channels: &[Channel]) -> Vec<f64> {
+    fit.squares
+        .iter()
+        .map(|window| {
+            window
+                .iter()
+                .zip(channels)
+                .filter(|((sum, n), _)| *n > 0 || sum.is_infinite())
+                .map(|(&(sum, n), channel)| {
+                    let n = n.max(1) as f64;
+                    -0.5 * n * (sum / n + (FLOOR * channel.noise).powi(2)).ln()
+                })
+                .sum()
+        })
+        .collect()
+}
+
+/// Mean samples per window and channel pair: what a gain is divided by to be a gain per sample.
+pub fn samples_per_window(fit: &Fit) -> f64 {
+    let channels = fit.squares.first().map_or(1, Vec::len).max(1);
+    let samples: usize = fit.squares.iter().flatten().map(|(_, n)| n).sum();
+    (samples as f64 / channels as f64 / fit.squares.len().max(1) as f64).max(1.0)
+}
+
+/// A paired comparison of two models over the same windows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Paired {
+    /// Mean difference over its standard error.
+    pub z: f64,
+    /// Sum of the differences, nats.
+    pub gain: f64,
+    /// Number of windows compared.
+    pub windows: usize,
+}
+
+/// d_w = l_w(new) − l_w(old), z = mean(d) / (sd(d)/√n). A window in which the new model diverges counts as a loss as large as the
+/// largest difference seen; one in which only the old one diverges counts nothing.
+pub fn paired(new: &[f64], old: &[f64]) -> Paired {
+    let mut differences: Vec<f64> = new
+        .iter()
+        .zip(old)
+        .filter(|(n, o)| n.is_finite() && o.is_finite())
+        .map(|(n, o)| n - o)
+        .collect();
+    let worst = differences.iter().fold(1.0_f64, |a, d| a.max(d.abs()));
+    let lost = new
+        .iter()
+        .zip(old)
+        .filter(|(n, o)| !n.is_finite() && o.is_finite())
+        .count();
+    differences.extend(std::iter::repeat_n(-worst, lost));
+    let n = differences.len() as f64;
+    if differences.len() < 3 {
+        return Paired {
+            z: 0.0,
+            gain: 0.0,
+            windows: differences.len(),
+        };
+    }
+    let gain: f64 = differences.iter().sum();
+    let mean = gain / n;
+    let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    let error = (variance / n).sqrt();
+    Paired {
+        z: if error > 0.0 { mean / error } else { 0.0 },
+        gain,
+        windows: differences.len(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_steady_gain_is_significant_and_a_lucky_window_is_not() {
+        let old = vec![0.0; 40];
+        let steady: Vec<f64> = (0..40).map(|k| 1.0 + 0.5 * (k as f64).sin()).collect();
+        assert!(paired(&steady, &old).z > 10.0);
+        let mut lucky = vec![0.0; 40];
+        lucky[7] = 500.0;
+        assert!(paired(&lucky, &old).z < 2.0);
+    }
+
+    #[test]
+    fn a_diverging_rival_loses() {
+        let old = vec![0.0; 10];
+        let mut rival = vec![0.1; 10];
+        rival[3] = f64::NEG_INFINITY;
+        let result = paired(&rival, &old);
+        assert!(result.gain < 0.5 && result.z.is_finite());
+    }
+}

@@ -1,0 +1,232 @@
+//! From observations to a fitted null model: windows, scales, integration step.
+
+use super::audit::median;
+use super::smooth::{Smoothed, smooth};
+use super::study::{Fitted, Start, Study};
+use crate::Error;
+use crate::effect::Scales;
+use crate::hybrid::Hybrid;
+use crate::model::Model;
+use crate::shooting::{Observations, Roller, Trajectory, Windows};
+
+/// Length of a window, s, unless the motion is fast: then five of its periods.
+pub const WINDOW_S: f64 = 0.6;
+/// At least so many windows are needed on the seen side, and half as many on the other.
+pub const FEWEST_WINDOWS: usize = 8;
+/// The integration step starts at or below this, s.
+const COARSEST_STEP: f64 = 5e-3;
+/// The integration step is halved until that moves the roll-outs by less than this part of the noise.
+const STEP_ERROR: f64 = 0.1;
+/// At most so many integration steps per sample.
+const MOST_SUBSTEPS: usize = 64;
+
+/// All that the search needs.
+pub struct Prepared {
+    /// The data.
+    pub study: Study,
+    /// The model as given, fitted.
+    pub null: Fitted,
+    /// The recordings, smoothed.
+    pub smoothed: Vec<Smoothed>,
+    /// Half width of the smoothing, s.
+    pub half_width: f64,
+    /// Length of a window, s.
+    pub window: f64,
+}
+
+/// Cuts the windows and fits the model as given.
+pub fn prepare(
+    model: &Model,
+    observations: Observations,
+    fit_runs: usize,
+) -> Result<Prepared, Error> {
+    let hybrid = Hybrid::of(model);
+    let nv = hybrid.nv();
+    let frequency = (0..nv)
+        .map(|c| dominant_frequency(&observations, c))
+        .fold(0.0, f64::max);
+    let window = WINDOW_S.min(5.0 / frequency);
+    let half_width = 0.06_f64.min(0.15 / frequency);
+    let windows = Windows::cut(&observations, fit_runs, window);
+    let needed = (FEWEST_WINDOWS, FEWEST_WINDOWS / 2);
+    if windows.fit.len() < needed.0 || windows.held_out.len() < needed.1 {
+        return Err(Error::TooShort {
+            window,
+            fit: windows.fit.len(),
+            held_out: windows.held_out.len(),
+            needed,
+        });
+    }
+    let wraps: Vec<bool> = hybrid
+        .mechanics()
+        .coordinates()
+        .iter()
+        .map(|c| c.wraps)
+        .collect();
+    let smoothed: Vec<Smoothed> = observations
+        .runs
+        .iter()
+        .map(|run| smooth(run, nv, &wraps, half_width))
+        .collect();
+    let scales = scales(&hybrid, &smoothed);
+    let mut intervals: Vec<f64> = observations
+        .runs
+        .iter()
+        .flat_map(|run| run.t.windows(2).map(|p| p[1] - p[0]))
+        .collect();
+    let interval = median(&mut intervals);
+    let substeps = ((interval / COARSEST_STEP).ceil() as usize).clamp(1, MOST_SUBSTEPS);
+
+    let guess = |windows: &[crate::shooting::Window]| -> Vec<Vec<f64>> {
+        windows
+            .iter()
+            .map(|w| smoothed[w.run].state(w.first))
+            .collect()
+    };
+    let mut study = Study {
+        scales,
+        substeps,
+        observations,
+        windows,
+    };
+    let start = Start {
+        theta: hybrid.theta(),
+        inside: guess(&study.windows.fit),
+        outside: guess(&study.windows.held_out),
+        sigma: study
+            .observations
+            .channels
+            .iter()
+            .map(|c| 3.0 * c.noise)
+            .collect(),
+    };
+    let mut null = study.fit(hybrid, start, 6, 20);
+    // The step: fine enough that half of it changes nothing.
+    while study.substeps < MOST_SUBSTEPS && step_error(&study, &null) > STEP_ERROR {
+        study.substeps *= 2;
+        let start = null.start(null.inside.theta.clone());
+        null = study.fit(null.hybrid.clone(), start, 2, 20);
+    }
+    let diverged = null.inside_scores.iter().filter(|s| !s.is_finite()).count();
+    if 2 * diverged > null.inside_scores.len() {
+        return Err(Error::Unfittable {
+            diverged,
+            windows: null.inside_scores.len(),
+        });
+    }
+    Ok(Prepared {
+        study,
+        null,
+        smoothed,
+        half_width,
+        window,
+    })
+}
+
+/// Crossings of the middle by a position, per second and halved; a crossing counts when the motion leaves a fifth of its deviation.
+fn dominant_frequency(observations: &Observations, coordinate: usize) -> f64 {
+    let mut crossings = 0;
+    let mut time = 0.0;
+    for run in &observations.runs {
+        let y = super::smooth::unwrapped(&run.y[coordinate]);
+        let y = if observations.channels[coordinate].wraps {
+            &y
+        } else {
+            &run.y[coordinate]
+        };
+        let n = y.len().max(1) as f64;
+        let mean = y.iter().sum::<f64>() / n;
+        let deviation = (y.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / n).sqrt();
+        let mut side = 0.0;
+        for y in y {
+            let now = y - mean;
+            if now.abs() > 0.2 * deviation {
+                if side * now < 0.0 {
+                    crossings += 1;
+                }
+                side = now;
+            }
+        }
+        time += run.t.last().unwrap_or(&0.0) - run.t.first().unwrap_or(&0.0);
+    }
+    (0.5 * crossings as f64 / time.max(f64::MIN_POSITIVE)).max(1e-3)
+}
+
+/// The scales of the motion, one a coordinate.
+fn scales(hybrid: &Hybrid, smoothed: &[Smoothed]) -> Vec<Scales> {
+    let nv = hybrid.nv();
+    let mechanics = hybrid.mechanics();
+    let theta = hybrid.theta();
+    let p = &theta[..mechanics.parameters().len()];
+    let mut work = mechanics.workspace();
+    let mut mass = nalgebra::DMatrix::zeros(nv, nv);
+    (0..nv)
+        .map(|c| {
+            let q = || smoothed.iter().flat_map(|s| &s.q[c]).copied();
+            let low = q().fold(f64::INFINITY, f64::min);
+            let high = q().fold(f64::NEG_INFINITY, f64::max);
+            let mut speed: Vec<f64> = smoothed
+                .iter()
+                .flat_map(|s| &s.v[c])
+                .map(|v| v.abs())
+                .collect();
+            speed.sort_by(f64::total_cmp);
+            let mut square = 0.0;
+            let mut n = 0.0;
+            for s in smoothed {
+                let stride = (s.q[c].len() / 500).max(1);
+                for k in (0..s.q[c].len()).step_by(stride) {
+                    let state = s.state(k);
+                    mechanics.mass_matrix_into(&state[..nv], p, &mut work, &mut mass);
+                    square += (mass[(c, c)] * s.a[c][k]).powi(2);
+                    n += 1.0;
+                }
+            }
+            let positive = |x: f64| if x > 0.0 { x } else { 1.0 };
+            Scales {
+                centre: 0.5 * (low + high),
+                reach: positive(0.5 * (high - low)),
+                speed: positive(speed.get(speed.len() * 19 / 20).copied().unwrap_or(0.0)),
+                force: positive((square / f64::max(n, 1.0)).sqrt()),
+            }
+        })
+        .collect()
+}
+
+/// The largest change of a simulated measurement by half the integration step, in units of noise, in all but one window of twenty.
+fn step_error(study: &Study, null: &Fitted) -> f64 {
+    let observations = &study.observations;
+    let theta = &null.inside.theta;
+    let nv = null.hybrid.nv();
+    let drive = |substeps: usize| -> Vec<_> {
+        observations
+            .runs
+            .iter()
+            .map(|run| null.hybrid.drive(&run.t, &run.u, substeps, theta, &[]))
+            .collect()
+    };
+    let (coarse, fine) = (drive(study.substeps), drive(2 * study.substeps));
+    let mut roller = Roller::new(&null.hybrid, &[]);
+    let (mut a, mut b) = (Trajectory::default(), Trajectory::default());
+    let mut errors: Vec<f64> = Vec::new();
+    for (window, state) in study.windows.fit.iter().zip(&null.inside.states) {
+        let span = (window.first, window.count);
+        let rolled = roller
+            .roll(theta, &coarse[window.run], span, state, &mut a)
+            .and_then(|()| roller.roll(theta, &fine[window.run], span, state, &mut b));
+        if rolled.is_err() {
+            continue;
+        }
+        let mut worst = 0.0_f64;
+        for channel in &observations.channels {
+            let x = channel.state(nv);
+            for k in 0..window.count {
+                let d = a.states[k * 2 * nv + x] - b.states[k * 2 * nv + x];
+                worst = worst.max(d.abs() / channel.noise);
+            }
+        }
+        errors.push(worst);
+    }
+    errors.sort_by(f64::total_cmp);
+    errors.get(errors.len() * 19 / 20).copied().unwrap_or(0.0)
+}

@@ -1,0 +1,119 @@
+//! Local polynomials through a recording: first guesses of states, and accelerations to look at.
+
+use nalgebra::{SMatrix, SVector};
+
+use crate::shooting::{ObservedRun, wrap_angle};
+
+/// Position, velocity and acceleration of each coordinate at each sample.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Smoothed {
+    /// One column a coordinate, m or rad; angles unwrapped.
+    pub q: Vec<Vec<f64>>,
+    /// Velocities.
+    pub v: Vec<Vec<f64>>,
+    /// Accelerations.
+    pub a: Vec<Vec<f64>>,
+}
+
+impl Smoothed {
+    /// State (q, v) at sample `k`.
+    pub fn state(&self, k: usize) -> Vec<f64> {
+        let at = |columns: &[Vec<f64>]| columns.iter().map(|c| c[k]).collect::<Vec<_>>();
+        [at(&self.q), at(&self.v)].concat()
+    }
+}
+
+/// Cubics fitted by least squares to the samples within `half_width` s (and at least three on either side) of every sample.
+pub fn smooth(run: &ObservedRun, nv: usize, wraps: &[bool], half_width: f64) -> Smoothed {
+    let mut smoothed = Smoothed {
+        q: Vec::with_capacity(nv),
+        v: Vec::with_capacity(nv),
+        a: Vec::with_capacity(nv),
+    };
+    for c in 0..nv {
+        let y = if wraps[c] {
+            unwrapped(&run.y[c])
+        } else {
+            run.y[c].clone()
+        };
+        let fits: Vec<[f64; 3]> = (0..y.len())
+            .map(|k| local_cubic(&run.t, &y, &run.valid[c], k, half_width))
+            .collect();
+        smoothed.q.push(fits.iter().map(|f| f[0]).collect());
+        smoothed.v.push(fits.iter().map(|f| f[1]).collect());
+        smoothed.a.push(fits.iter().map(|f| f[2]).collect());
+    }
+    smoothed
+}
+
+/// The angle without its jumps by whole turns.
+pub fn unwrapped(y: &[f64]) -> Vec<f64> {
+    let mut out = Vec::with_capacity(y.len());
+    let mut last = match y.first() {
+        Some(&first) => first,
+        None => return out,
+    };
+    for &angle in y {
+        last += wrap_angle(angle - last);
+        out.push(last);
+    }
+    out
+}
+
+/// Value, slope and curvature at sample `k`.
+fn local_cubic(t: &[f64], y: &[f64], valid: &[bool], k: usize, half_width: f64) -> [f64; 3] {
+    let mut first = k;
+    while first > 0 && (k - first < 3 || t[k] - t[first - 1] <= half_width) {
+        first -= 1;
+    }
+    let mut last = k;
+    while last + 1 < t.len() && (last - k < 3 || t[last + 1] - t[k] <= half_width) {
+        last += 1;
+    }
+    let width = (t[last] - t[k]).max(t[k] - t[first]).max(f64::MIN_POSITIVE);
+    let mut normal = SMatrix::<f64, 4, 4>::zeros();
+    let mut rhs = SVector::<f64, 4>::zeros();
+    for i in (first..=last).filter(|&i| valid[i]) {
+        let s = (t[i] - t[k]) / width;
+        let row = SVector::<f64, 4>::new(1.0, s, s * s, s * s * s);
+        normal += row * row.transpose();
+        rhs += row * (y[i] - y[k]);
+    }
+    match normal.cholesky() {
+        Some(factor) => {
+            let x = factor.solve(&rhs);
+            [y[k] + x[0], x[1] / width, 2.0 * x[2] / (width * width)]
+        }
+        // Too few valid samples around: the plain difference.
+        None => [
+            y[k],
+            (y[last] - y[first]) / (t[last] - t[first]).max(f64::MIN_POSITIVE),
+            0.0,
+        ],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cubic_motion_is_met_exactly_across_the_wrap() {
+        let t: Vec<f64> = (0..60).map(|k| k as f64 * 0.02).collect();
+        let q = |t: f64| 1.0 + 2.0 * t - 3.0 * t * t + 4.0 * t.powi(3);
+        let y = t.iter().map(|&t| wrap_angle(q(t))).collect();
+        let run = ObservedRun {
+            valid: vec![vec![true; t.len()]],
+            u: vec![],
+            y: vec![y],
+            t,
+        };
+        let smoothed = smooth(&run, 1, &[true], 0.06);
+        for k in [0, 20, 59] {
+            let t = run.t[k];
+            assert!((smoothed.q[0][k] - q(t)).abs() < 1e-9);
+            assert!((smoothed.v[0][k] - (2.0 - 6.0 * t + 12.0 * t * t)).abs() < 1e-8);
+            assert!((smoothed.a[0][k] - (-6.0 + 24.0 * t)).abs() < 1e-6);
+        }
+    }
+}

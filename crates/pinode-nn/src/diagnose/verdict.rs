@@ -1,0 +1,249 @@
+//! The diagnosis as it is written down: `diagnosis.json`.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+/// What a diagnosis says; the JSON document of `pinode diagnose`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Diagnosis {
+    /// In one word.
+    pub verdict: Verdict,
+    /// Where model and data disagree before anything is added, the worst coordinate first.
+    pub disagreement: Vec<Disagreement>,
+    /// What was found and added, in the order of its contribution.
+    pub effects: Vec<NamedEffect>,
+    /// Free-run errors on data that no fit has seen, before and after.
+    pub gap: Gap,
+    /// What is wrong with the data themselves.
+    pub data_faults: Vec<DataFault>,
+    /// What to do or to record next.
+    pub advice: Vec<String>,
+    /// Everything else the fit moved within its tolerance: masses, gains, zeros, known effects.
+    pub constants: Vec<FittedConstant>,
+    /// Every step of the search: what the screen promised and what refining it gave.
+    pub search: Vec<SearchStep>,
+    /// How to do it again.
+    pub provenance: Provenance,
+}
+
+/// The verdict.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// One or more effects were named.
+    EffectsFound,
+    /// The model explains the data.
+    NothingMissing,
+    /// Something is missing that no effect in the library explains.
+    Unexplained,
+    /// The data contradict themselves.
+    DataFault,
+}
+
+/// Where one coordinate disagrees.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Disagreement {
+    /// Its name.
+    pub coordinate: String,
+    /// Its share of the disagreement, each coordinate in units of what sensor noise alone would show.
+    pub share: f64,
+    /// Root mean square of the force that the model lacks.
+    pub rms: f64,
+    /// Unit of `rms`.
+    pub unit: String,
+    /// On what it depends most, in words.
+    pub r#where: String,
+    /// The times at which it is largest, s.
+    pub when: Vec<[f64; 2]>,
+}
+
+/// A found effect.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct NamedEffect {
+    /// Its kind.
+    pub kind: String,
+    /// The joint, input, link or sensor it sits on.
+    pub target: String,
+    /// Probability that the name is right.
+    pub confidence: f64,
+    /// Its parameters.
+    pub parameters: BTreeMap<String, ParameterValue>,
+    /// Other names, with their probabilities.
+    pub alternatives: Vec<Alternative>,
+    /// Names that these data cannot tell from it.
+    pub indistinguishable_from: Vec<Name>,
+    /// The evidence: paired windows with the effect against without.
+    pub evidence: Evidence,
+}
+
+/// A value with its standard error.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ParameterValue {
+    /// The value.
+    pub value: f64,
+    /// Its standard error; `null` when the data do not determine it.
+    pub std: Option<f64>,
+    /// The unit, `1` for a ratio.
+    pub unit: String,
+}
+
+/// Another name for a found effect.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Alternative {
+    /// Kind.
+    pub kind: String,
+    /// Target.
+    pub target: String,
+    /// Probability.
+    pub confidence: f64,
+}
+
+/// A kind on a target.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Name {
+    /// Kind.
+    pub kind: String,
+    /// Target.
+    pub target: String,
+}
+
+/// Paired differences of the windows' log-likelihoods.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Evidence {
+    /// Mean difference over its standard error, windows that the fit saw.
+    pub z_fit: f64,
+    /// The same on windows it did not see.
+    pub z_held_out: f64,
+    /// Gain per sample on the seen windows, nats.
+    pub gain_fit: f64,
+    /// Gain per sample on the windows held out, nats.
+    pub gain_held_out: f64,
+}
+
+/// Free-run errors over held-out windows.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Gap {
+    /// Length of the free runs, s.
+    pub horizon_s: f64,
+    /// Number of free runs.
+    pub windows: usize,
+    /// Each coordinate, in units of its measurement noise.
+    pub coordinates: Vec<CoordinateGap>,
+    /// Root mean square over the coordinates, before.
+    pub before: f64,
+    /// The same, after.
+    pub after: f64,
+    /// What a perfect model would show: 1.
+    pub noise_floor: f64,
+}
+
+/// One coordinate's free-run error, in units of its measurement noise.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CoordinateGap {
+    /// `q.<coordinate>`.
+    pub name: String,
+    /// Unit of `noise`.
+    pub unit: String,
+    /// Before.
+    pub before: f64,
+    /// After.
+    pub after: f64,
+    /// What a perfect model would show: 1.
+    pub noise_floor: f64,
+    /// The measurement noise, in `unit`.
+    pub noise: f64,
+}
+
+/// A fault of the data.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DataFault {
+    /// What kind of fault.
+    pub kind: String,
+    /// In which column.
+    pub column: String,
+    /// When, s.
+    pub when: Vec<[f64; 2]>,
+    /// What was seen, and what was done about it.
+    pub detail: String,
+}
+
+/// A constant that the fit moved.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FittedConstant {
+    /// What it is.
+    pub name: String,
+    /// Its value in the model as given.
+    pub given: f64,
+    /// Its value now.
+    pub fitted: f64,
+    /// Standard error; `null` when neither data nor tolerance determine it.
+    pub std: Option<f64>,
+}
+
+/// One step of the search.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SearchStep {
+    /// The screen's best, with the gain it promised.
+    pub screened: Vec<ScreenedName>,
+    /// What was refined, best first.
+    pub refined: Vec<RefinedName>,
+}
+
+/// A line of the screen.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ScreenedName {
+    /// Kind.
+    pub kind: String,
+    /// Target.
+    pub target: String,
+    /// Promised gain per sample, nats.
+    pub gain: f64,
+    /// Cluster-robust t².
+    pub t2: f64,
+}
+
+/// A refined candidate.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RefinedName {
+    /// What was added; two names for a pair.
+    pub names: Vec<Name>,
+    /// Against the model before this step.
+    pub evidence: Evidence,
+    /// Share of bootstraps over windows in which it was best.
+    pub wins: f64,
+    /// Whether it was added.
+    pub accepted: bool,
+    /// Whether its gain was numerical.
+    pub numerical: bool,
+}
+
+/// What the diagnosis was made of.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Provenance {
+    /// Version of the program.
+    pub version: String,
+    /// The model file.
+    pub model: String,
+    /// The logs, with their SHA-256.
+    pub logs: Vec<LogProvenance>,
+    /// The seed.
+    pub seed: u64,
+    /// Windows that the fits saw, and windows held out.
+    pub windows: [usize; 2],
+    /// Length of a window, s.
+    pub window_s: f64,
+    /// Integration steps per log sample.
+    pub substeps: usize,
+}
+
+/// A log.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LogProvenance {
+    /// The file.
+    pub path: String,
+    /// SHA-256, hexadecimal.
+    pub sha256: String,
+    /// Whether it was given to be held out.
+    pub held_out: bool,
+}

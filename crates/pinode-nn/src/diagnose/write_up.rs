@@ -1,0 +1,268 @@
+//! From a search to the documents: the new model and the entries of the diagnosis.
+
+use std::collections::BTreeMap;
+
+use super::candidate::Candidate;
+use super::search::{Contender, Search};
+use super::study::Comparison;
+use super::verdict::{
+    Alternative, Evidence, FittedConstant, Name, NamedEffect, ParameterValue, Provenance,
+    RefinedName, ScreenedName, SearchStep,
+};
+use crate::effect::{Action, default_smoothing};
+use crate::hybrid::{ConstantId, Hybrid};
+use crate::model::{EffectEntry, Model, Revision, Target};
+
+/// The input model with the found effects, and with all constants as fitted.
+pub fn revision(model: &Model, search: &Search, provenance: &Provenance) -> Revision {
+    let fitted = &search.model;
+    let theta = &fitted.inside.theta;
+    let hybrid = &fitted.hybrid;
+    let errors = Errors::of(search);
+    let mut revision = Revision::of(model);
+    for (i, constant) in hybrid.constants().iter().enumerate() {
+        match constant.id {
+            ConstantId::Mechanics(k) => revision.parameter_values[k] = theta[i],
+            ConstantId::Gain(k) => revision.gains[k] = theta[i],
+            ConstantId::Zero(k) => revision.zeros[k] = theta[i],
+            ConstantId::Effect(..) => {}
+        }
+    }
+    revision.effects = hybrid
+        .effects()
+        .iter()
+        .enumerate()
+        .map(|(index, placed)| {
+            let target = match placed.kind.action {
+                Action::Joint(_) => Target::Coordinate(placed.target),
+                Action::Drive(_) => Target::Input(placed.target),
+            };
+            let own = model
+                .effects
+                .iter()
+                .find(|e| e.kind == placed.kind && e.target == target);
+            let range = hybrid.range(index);
+            let angular = matches!(placed.kind.action, Action::Joint(_))
+                && hybrid.mechanics().coordinates()[placed.target].angular;
+            let entry = EffectEntry {
+                kind: placed.kind,
+                target,
+                values: theta[range.clone()].to_vec(),
+                smoothing: match own {
+                    Some(own) => own.smoothing,
+                    None => (placed.smoothing != default_smoothing(angular))
+                        .then_some(placed.smoothing),
+                },
+                fixed: own.is_some_and(|own| own.fixed),
+            };
+            let comment = search
+                .found
+                .iter()
+                .find(|f| f.candidate.kind == placed.kind && f.candidate.target == placed.target)
+                .map(|found| {
+                    let mut comment = format!(
+                        "found by pinode {}: confidence {:.2}, z = {:.1} (held out {:.1}), {:.3} nats per sample; seed {}\n",
+                        provenance.version,
+                        found.confidence,
+                        found.comparison.inside.z,
+                        found.comparison.outside.z,
+                        found.comparison.inside_gain,
+                        provenance.seed
+                    );
+                    for log in &provenance.logs {
+                        comment += &format!("log {} (sha256 {})\n", log.path, log.sha256);
+                    }
+                    for (k, i) in range.enumerate() {
+                        if let Some(std) = errors.at(i) {
+                            let spec = &placed.kind.parameters[k];
+                            comment += &format!(
+                                "{} = {:.4e} ± {std:.1e} {}\n",
+                                spec.name,
+                                theta[i],
+                                spec.quantity.unit(angular)
+                            );
+                        }
+                    }
+                    comment.trim_end().to_owned()
+                })
+                .unwrap_or_default();
+            (entry, comment)
+        })
+        .collect();
+    revision
+}
+
+/// Standard errors by index in θ.
+struct Errors {
+    free: Vec<usize>,
+    errors: Vec<f64>,
+}
+
+impl Errors {
+    fn of(search: &Search) -> Self {
+        let fit = &search.model.inside;
+        Errors {
+            free: fit.free.clone(),
+            errors: fit.standard_errors(),
+        }
+    }
+
+    fn at(&self, index: usize) -> Option<f64> {
+        let k = self.free.iter().position(|&i| i == index)?;
+        Some(self.errors[k]).filter(|e| e.is_finite())
+    }
+}
+
+/// The found effects.
+pub fn effects(search: &Search, inputs: &[String]) -> Vec<NamedEffect> {
+    let hybrid = &search.model.hybrid;
+    let theta = &search.model.inside.theta;
+    let errors = Errors::of(search);
+    let name = |c: &Candidate| name(c, hybrid, inputs);
+    search
+        .found
+        .iter()
+        .filter_map(|found| {
+            let candidate = &found.candidate;
+            let index = hybrid
+                .effects()
+                .iter()
+                .position(|e| e.kind == candidate.kind && e.target == candidate.target)?;
+            let angular = matches!(candidate.kind.action, Action::Joint(_))
+                && hybrid.mechanics().coordinates()[candidate.target].angular;
+            let parameters: BTreeMap<String, ParameterValue> = hybrid
+                .range(index)
+                .zip(candidate.kind.parameters)
+                .map(|(i, spec)| {
+                    let value = ParameterValue {
+                        value: theta[i],
+                        std: errors.at(i),
+                        unit: spec.quantity.unit(angular).into(),
+                    };
+                    (spec.name.to_owned(), value)
+                })
+                .collect();
+            let Name { kind, target } = name(candidate);
+            Some(NamedEffect {
+                kind,
+                target,
+                confidence: found.confidence,
+                parameters,
+                alternatives: found
+                    .alternatives
+                    .iter()
+                    .map(|(other, confidence)| {
+                        let Name { kind, target } = name(other);
+                        Alternative {
+                            kind,
+                            target,
+                            confidence: *confidence,
+                        }
+                    })
+                    .collect(),
+                indistinguishable_from: found.indistinguishable.iter().map(name).collect(),
+                evidence: evidence(&found.comparison),
+            })
+        })
+        .collect()
+}
+
+fn name(candidate: &Candidate, hybrid: &Hybrid, inputs: &[String]) -> Name {
+    Name {
+        kind: candidate.kind.name.into(),
+        target: candidate.target_name(hybrid, inputs).into(),
+    }
+}
+
+fn evidence(comparison: &Comparison) -> Evidence {
+    Evidence {
+        z_fit: comparison.inside.z,
+        z_held_out: comparison.outside.z,
+        gain_fit: comparison.inside_gain,
+        gain_held_out: comparison.outside_gain,
+    }
+}
+
+/// The constants that were not found but moved: masses, gains, zeros, known effects.
+pub fn constants(search: &Search, inputs: &[String]) -> Vec<FittedConstant> {
+    let fitted = &search.model;
+    let errors = Errors::of(search);
+    let is_found = |effect: usize| {
+        let placed = fitted.hybrid.effects()[effect];
+        search
+            .found
+            .iter()
+            .any(|f| f.candidate.kind == placed.kind && f.candidate.target == placed.target)
+    };
+    fitted
+        .inside
+        .free
+        .iter()
+        .filter_map(|&i| {
+            let constant = &fitted.hybrid.constants()[i];
+            if let ConstantId::Effect(e, _) = constant.id
+                && is_found(e)
+            {
+                return None;
+            }
+            Some(FittedConstant {
+                name: fitted.hybrid.describe(i, inputs),
+                // Known effects carry the value they were last placed with; the null model has the one given.
+                given: search
+                    .null
+                    .hybrid
+                    .constants()
+                    .iter()
+                    .enumerate()
+                    .find(|&(k, _)| {
+                        search.null.hybrid.describe(k, inputs) == fitted.hybrid.describe(i, inputs)
+                    })
+                    .map_or(constant.value, |(_, c)| c.value),
+                fitted: fitted.inside.theta[i],
+                std: errors.at(i),
+            })
+        })
+        .collect()
+}
+
+/// The steps of the search.
+pub fn steps(search: &Search, inputs: &[String]) -> Vec<SearchStep> {
+    let hybrid = &search.null.hybrid;
+    let samples = super::score::samples_per_window(&search.null.inside)
+        * search.null.inside_scores.len().max(1) as f64;
+    search
+        .steps
+        .iter()
+        .map(|step| SearchStep {
+            screened: step
+                .screened
+                .iter()
+                .map(|s| {
+                    let Name { kind, target } = name(&s.candidate, hybrid, inputs);
+                    ScreenedName {
+                        kind,
+                        target,
+                        gain: s.gain / samples,
+                        t2: s.t2,
+                    }
+                })
+                .collect(),
+            refined: step
+                .contenders
+                .iter()
+                .enumerate()
+                .map(|(k, c)| refined(c, step.accepted == Some(k), hybrid, inputs))
+                .collect(),
+        })
+        .collect()
+}
+
+fn refined(c: &Contender, accepted: bool, hybrid: &Hybrid, inputs: &[String]) -> RefinedName {
+    RefinedName {
+        names: c.added.iter().map(|a| name(a, hybrid, inputs)).collect(),
+        evidence: evidence(&c.comparison),
+        wins: c.wins,
+        accepted,
+        numerical: c.numerically_sound == Some(false),
+    }
+}

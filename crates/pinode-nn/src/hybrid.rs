@@ -1,0 +1,485 @@
+//! The model that is simulated and fitted: known mechanics and every effect.
+//!
+//! M(q) v̇ = Σ_i B_i g_i ū_i + Σ_e Q_e(q, v; p_e) − C(q, v) v − G(q)
+//!
+//! ū_i is input i after the drive effects on it, g_i its gain, B_i picks its coordinate; Q_e are the effects that are forces.
+//! What can be estimated is one vector θ of [`Constant`]s: the constants of the mechanics, the input gains, the zeros of the
+//! sensors, and the parameters of the effects, in this order.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use lagrange::{InverseDynamicsDerivatives, Mechanics, Role, Workspace};
+use nalgebra::{DMatrix, DVector};
+
+use crate::effect::{Action, Grid, JointForce, Kind, Signal, default_smoothing};
+use crate::model::{Model, Target};
+
+/// One entry of θ.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Constant {
+    /// What it is.
+    pub id: ConstantId,
+    /// Its value in the model.
+    pub value: f64,
+    /// Physical lower bound.
+    pub lower: f64,
+    /// Physical upper bound.
+    pub upper: f64,
+    /// Standard deviation of what is known of it around `value`; 0: exact; infinite: nothing is known.
+    pub tolerance: f64,
+}
+
+/// What an entry of θ is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum ConstantId {
+    /// Constant of the mechanics, by its index in [`Mechanics::parameters`].
+    Mechanics(usize),
+    /// Gain of an input.
+    Gain(usize),
+    /// Zero of a coordinate's sensor: it reads q + zero.
+    Zero(usize),
+    /// Parameter of an effect: which effect, which parameter.
+    Effect(usize, usize),
+}
+
+/// An effect in place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placed {
+    /// What it is.
+    pub kind: &'static Kind,
+    /// The coordinate it sits on, or the input for an effect of the drive.
+    pub target: usize,
+    /// Velocity over which a sign change of friction is spread, m/s or rad/s.
+    pub smoothing: f64,
+}
+
+/// Mechanics, inputs and effects, without the values of θ.
+#[derive(Clone)]
+pub struct Hybrid {
+    mechanics: Arc<dyn Mechanics>,
+    /// The coordinate each input acts on.
+    input_coordinates: Vec<usize>,
+    effects: Vec<Placed>,
+    /// Where the parameters of each effect lie in θ.
+    ranges: Vec<Range<usize>>,
+    constants: Vec<Constant>,
+    /// Factor on all smoothing velocities: halved to see whether a finding is numerical.
+    smoothing_scale: f64,
+}
+
+/// The inputs of one recording on its integration grid, after the drives, times their gains.
+#[derive(Debug, Clone)]
+pub struct DrivenInputs {
+    /// The integration steps.
+    pub grid: Grid,
+    /// One signal an input, N or N·m, with derivatives in θ.
+    pub forces: Vec<Signal>,
+}
+
+impl Hybrid {
+    /// A model file's mechanics, inputs and effects, with its tolerances.
+    pub fn of(model: &Model) -> Self {
+        let mechanics = model.mechanics.clone();
+        let tolerance = &model.tolerance;
+        let within = |id, value: f64, relative: f64| Constant {
+            id,
+            value,
+            lower: (0.02 * value).min(50.0 * value),
+            upper: (0.02 * value).max(50.0 * value),
+            tolerance: relative * value.abs(),
+        };
+        let mut constants = Vec::new();
+        for (k, parameter) in mechanics.parameters().iter().enumerate() {
+            let relative = match parameter.role {
+                Role::MassScale => tolerance.mass,
+                _ => tolerance
+                    .parameters
+                    .iter()
+                    .find(|(index, _)| *index == k)
+                    .map_or(0.0, |(_, relative)| *relative),
+            };
+            let value = model.parameter_values[k];
+            constants.push(within(ConstantId::Mechanics(k), value, relative));
+        }
+        for (i, input) in model.inputs.iter().enumerate() {
+            constants.push(within(ConstantId::Gain(i), input.gain, tolerance.gain));
+        }
+        for (c, sensor) in model.sensors.iter().enumerate() {
+            let two_quanta = 2.0 * sensor.resolution.unwrap_or(0.0);
+            constants.push(Constant {
+                id: ConstantId::Zero(c),
+                value: sensor.zero,
+                lower: f64::NEG_INFINITY,
+                upper: f64::INFINITY,
+                tolerance: tolerance.zero[c].unwrap_or(two_quanta),
+            });
+        }
+        let coordinates = model.inputs.iter().map(|input| input.coordinate).collect();
+        let mut hybrid = Hybrid::new(mechanics, coordinates, constants);
+        for entry in &model.effects {
+            let (target, angular) = match entry.target {
+                Target::Coordinate(c) => (c, hybrid.mechanics.coordinates()[c].angular),
+                Target::Input(i) => (i, false),
+            };
+            let placed = Placed {
+                kind: entry.kind,
+                target,
+                smoothing: entry.smoothing.unwrap_or(default_smoothing(angular)),
+            };
+            hybrid.add(placed, &entry.values, entry.fixed);
+        }
+        hybrid
+    }
+
+    /// The model of `mechanics` with inputs that act on the given coordinates with the given gains, without effects.
+    /// `constants` holds the entries of θ for mechanics, gains and zeros, in this order.
+    pub fn new(
+        mechanics: Arc<dyn Mechanics>,
+        input_coordinates: Vec<usize>,
+        constants: Vec<Constant>,
+    ) -> Self {
+        debug_assert_eq!(
+            constants.len(),
+            mechanics.parameters().len() + input_coordinates.len() + mechanics.nv()
+        );
+        Hybrid {
+            mechanics,
+            input_coordinates,
+            effects: Vec::new(),
+            ranges: Vec::new(),
+            constants,
+            smoothing_scale: 1.0,
+        }
+    }
+
+    /// Adds an effect with these parameter values; they are free, or exact when `fixed`.
+    pub fn add(&mut self, effect: Placed, values: &[f64], fixed: bool) {
+        let first = self.constants.len();
+        let index = self.effects.len();
+        for (k, (spec, &value)) in effect.kind.parameters.iter().zip(values).enumerate() {
+            self.constants.push(Constant {
+                id: ConstantId::Effect(index, k),
+                value,
+                lower: spec.lower,
+                upper: spec.upper,
+                tolerance: if fixed { 0.0 } else { f64::INFINITY },
+            });
+        }
+        self.effects.push(effect);
+        self.ranges.push(first..self.constants.len());
+    }
+
+    /// The model without effect `index`; the later ones move up.
+    pub fn without(&self, index: usize) -> Self {
+        let mut rest = Hybrid {
+            effects: Vec::new(),
+            ranges: Vec::new(),
+            constants: self.constants[..self.base_len()].to_vec(),
+            ..self.clone()
+        };
+        for (i, effect) in self.effects.iter().enumerate() {
+            if i != index {
+                let own = &self.constants[self.ranges[i].clone()];
+                let values: Vec<f64> = own.iter().map(|c| c.value).collect();
+                let fixed = own.iter().all(|c| c.tolerance == 0.0);
+                rest.add(*effect, &values, fixed);
+            }
+        }
+        rest
+    }
+
+    /// The model with all smoothing velocities times `factor`.
+    pub fn with_smoothing_scale(&self, factor: f64) -> Self {
+        Hybrid {
+            smoothing_scale: factor,
+            ..self.clone()
+        }
+    }
+
+    fn base_len(&self) -> usize {
+        self.mechanics.parameters().len() + self.input_coordinates.len() + self.mechanics.nv()
+    }
+
+    /// The known mechanics.
+    pub fn mechanics(&self) -> &dyn Mechanics {
+        &*self.mechanics
+    }
+
+    /// Number of coordinates.
+    pub fn nv(&self) -> usize {
+        self.mechanics.nv()
+    }
+
+    /// Number of inputs.
+    pub fn inputs(&self) -> usize {
+        self.input_coordinates.len()
+    }
+
+    /// The coordinate each input acts on.
+    pub fn input_coordinates(&self) -> &[usize] {
+        &self.input_coordinates
+    }
+
+    /// The effects in place.
+    pub fn effects(&self) -> &[Placed] {
+        &self.effects
+    }
+
+    /// Where the parameters of effect `index` lie in θ.
+    pub fn range(&self, index: usize) -> Range<usize> {
+        self.ranges[index].clone()
+    }
+
+    /// θ, described.
+    pub fn constants(&self) -> &[Constant] {
+        &self.constants
+    }
+
+    /// θ, described, to be changed in value and tolerance.
+    pub fn constants_mut(&mut self) -> &mut [Constant] {
+        &mut self.constants
+    }
+
+    /// θ with the values of the model.
+    pub fn theta(&self) -> Vec<f64> {
+        self.constants.iter().map(|c| c.value).collect()
+    }
+
+    /// Sets the values of the model to θ.
+    pub fn set_theta(&mut self, theta: &[f64]) {
+        for (constant, &value) in self.constants.iter_mut().zip(theta) {
+            constant.value = value;
+        }
+    }
+
+    /// The entries of θ that a fit moves: those that are not exact.
+    pub fn free(&self) -> Vec<usize> {
+        (0..self.constants.len())
+            .filter(|&i| self.constants[i].tolerance > 0.0)
+            .collect()
+    }
+
+    /// What entry `index` of θ is called, for people.
+    pub fn describe(&self, index: usize, inputs: &[String]) -> String {
+        match self.constants[index].id {
+            ConstantId::Mechanics(k) => {
+                let parameter = &self.mechanics.parameters()[k];
+                match parameter.role {
+                    Role::MassScale => format!("mass scale of `{}`", parameter.name),
+                    _ => format!("`{}`", parameter.name),
+                }
+            }
+            ConstantId::Gain(i) => format!("gain of input `{}`", inputs[i]),
+            ConstantId::Zero(c) => {
+                format!("sensor zero of `{}`", self.mechanics.coordinates()[c].name)
+            }
+            ConstantId::Effect(e, k) => {
+                let Placed { kind, target, .. } = self.effects[e];
+                let on = match kind.action {
+                    Action::Joint(_) => &self.mechanics.coordinates()[target].joint,
+                    Action::Drive(_) => &inputs[target],
+                };
+                format!("{} of {} on `{on}`", kind.parameters[k].name, kind.name)
+            }
+        }
+    }
+
+    fn mechanics_range(&self) -> Range<usize> {
+        0..self.mechanics.parameters().len()
+    }
+
+    fn gain_index(&self, input: usize) -> usize {
+        self.mechanics.parameters().len() + input
+    }
+
+    /// Index in θ of the zero of coordinate `c`.
+    pub fn zero_index(&self, c: usize) -> usize {
+        self.mechanics.parameters().len() + self.input_coordinates.len() + c
+    }
+
+    /// The inputs of a recording sampled at `t` with values `u` (one column an input), as forces on the integration grid, with
+    /// derivatives in those entries of θ that are in `free`.
+    pub fn drive(
+        &self,
+        t: &[f64],
+        u: &[Vec<f64>],
+        substeps: usize,
+        theta: &[f64],
+        free: &[usize],
+    ) -> DrivenInputs {
+        let grid = Grid::new(t, substeps);
+        let forces = u
+            .iter()
+            .enumerate()
+            .map(|(input, u)| {
+                let value = (0..grid.steps()).map(|step| u[step / substeps]).collect();
+                let mut signal = Signal {
+                    value,
+                    by_parameter: Vec::new(),
+                };
+                for (effect, range) in self.effects.iter().zip(&self.ranges) {
+                    if let Action::Drive(law) = effect.kind.action
+                        && effect.target == input
+                    {
+                        let first = free.contains(&range.start).then_some(range.start);
+                        law.pass(&grid, &theta[range.clone()], first, &mut signal);
+                    }
+                }
+                self.amplify(input, theta, free, &mut signal);
+                signal
+            })
+            .collect();
+        DrivenInputs { grid, forces }
+    }
+
+    /// Times the gain.
+    fn amplify(&self, input: usize, theta: &[f64], free: &[usize], signal: &mut Signal) {
+        let index = self.gain_index(input);
+        let gain = theta[index];
+        for (_, derivative) in &mut signal.by_parameter {
+            derivative.iter_mut().for_each(|d| *d *= gain);
+        }
+        if free.contains(&index) {
+            signal.by_parameter.push((index, signal.value.clone()));
+        }
+        signal.value.iter_mut().for_each(|u| *u *= gain);
+    }
+
+    /// Memory for [`acceleration`](Self::acceleration) and [`Linear`] for one thread.
+    pub fn memory(&self, free: &[usize]) -> Memory {
+        let n = self.nv();
+        let mechanics: Vec<usize> = free
+            .iter()
+            .copied()
+            .filter(|i| self.mechanics_range().contains(i))
+            .collect();
+        Memory {
+            work: self.mechanics.workspace(),
+            acceleration: DVector::zeros(n),
+            inverse: InverseDynamicsDerivatives::zeros(n, mechanics.len()),
+            mechanics,
+            linear: DMatrix::zeros(n, 2 * n + free.len()),
+            by_parameter: vec![0.0; 8],
+        }
+    }
+
+    /// v̇ at (q, v) under the input forces of integration step `step`; left in `memory.acceleration`.
+    pub fn acceleration(
+        &self,
+        (q, v): (&[f64], &[f64]),
+        theta: &[f64],
+        inputs: &DrivenInputs,
+        step: usize,
+        memory: &mut Memory,
+    ) -> Result<(), lagrange::Error> {
+        memory.acceleration.fill(0.0);
+        for (signal, &coordinate) in inputs.forces.iter().zip(&self.input_coordinates) {
+            memory.acceleration[coordinate] += signal.value[step];
+        }
+        for (law, effect, range) in self.forces() {
+            memory.acceleration[effect.target] += law.force(
+                q[effect.target],
+                v[effect.target],
+                &theta[range.clone()],
+                effect.smoothing * self.smoothing_scale,
+            );
+        }
+        let p = &theta[self.mechanics_range()];
+        self.mechanics
+            .forward_dynamics_into(q, v, p, &mut memory.work, &mut memory.acceleration)
+    }
+
+    /// v̇ as [`acceleration`](Self::acceleration), and in `memory.linear` its derivatives [∂v̇/∂q, ∂v̇/∂v, ∂v̇/∂θ_free]:
+    ///
+    /// ∂v̇/∂x = M⁻¹ (∂Q/∂x − ∂(M v̇ + C v + G)/∂x at fixed v̇).
+    pub fn linearize(
+        &self,
+        (q, v): (&[f64], &[f64]),
+        theta: &[f64],
+        free: &[usize],
+        inputs: &DrivenInputs,
+        step: usize,
+        memory: &mut Memory,
+    ) -> Result<(), lagrange::Error> {
+        self.acceleration((q, v), theta, inputs, step, memory)?;
+        let n = self.nv();
+        let p = &theta[self.mechanics_range()];
+        // The factor of M stays in the workspace: the derivatives do not touch it.
+        self.mechanics.inverse_dynamics_derivatives_into(
+            q,
+            v,
+            memory.acceleration.as_slice(),
+            p,
+            &memory.mechanics,
+            &mut memory.work,
+            &mut memory.inverse,
+        );
+        let rhs = &mut memory.linear;
+        rhs.fill(0.0);
+        for j in 0..n {
+            for i in 0..n {
+                rhs[(i, j)] = -memory.inverse.by_q[(i, j)];
+                rhs[(i, n + j)] = -memory.inverse.by_v[(i, j)];
+            }
+        }
+        let column = |index: usize| free.binary_search(&index).ok().map(|k| 2 * n + k);
+        for (k, &index) in memory.mechanics.iter().enumerate() {
+            if let Some(column) = column(index) {
+                for i in 0..n {
+                    rhs[(i, column)] = -memory.inverse.by_p[(i, k)];
+                }
+            }
+        }
+        for (signal, &coordinate) in inputs.forces.iter().zip(&self.input_coordinates) {
+            for (index, derivative) in &signal.by_parameter {
+                if let Some(column) = column(*index) {
+                    rhs[(coordinate, column)] += derivative[step];
+                }
+            }
+        }
+        for (law, effect, range) in self.forces() {
+            let by_parameter = &mut memory.by_parameter[..range.len()];
+            let at = law.derivatives(
+                q[effect.target],
+                v[effect.target],
+                &theta[range.clone()],
+                effect.smoothing * self.smoothing_scale,
+                by_parameter,
+            );
+            rhs[(effect.target, effect.target)] += at.by_q;
+            rhs[(effect.target, n + effect.target)] += at.by_v;
+            for (index, derivative) in range.clone().zip(by_parameter) {
+                if let Some(column) = column(index) {
+                    rhs[(effect.target, column)] += *derivative;
+                }
+            }
+        }
+        memory.work.solve_mass(rhs);
+        Ok(())
+    }
+
+    /// The effects that are forces.
+    fn forces(&self) -> impl Iterator<Item = (&'static dyn JointForce, &Placed, &Range<usize>)> {
+        self.effects
+            .iter()
+            .zip(&self.ranges)
+            .filter_map(|(effect, range)| match effect.kind.action {
+                Action::Joint(law) => Some((law, effect, range)),
+                Action::Drive(_) => None,
+            })
+    }
+}
+
+/// Memory of one thread for one set of free constants.
+pub struct Memory {
+    work: Workspace,
+    /// v̇ of the last call.
+    pub acceleration: DVector<f64>,
+    inverse: InverseDynamicsDerivatives,
+    /// The free constants of the mechanics.
+    mechanics: Vec<usize>,
+    /// [∂v̇/∂q, ∂v̇/∂v, ∂v̇/∂θ_free] of the last [`Hybrid::linearize`].
+    pub linear: DMatrix<f64>,
+    by_parameter: Vec<f64>,
+}

@@ -1,0 +1,236 @@
+//! Levenberg–Marquardt over θ with every window's initial state eliminated.
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+use super::problem::Problem;
+use super::{Observations, Window};
+use crate::hybrid::Hybrid;
+
+/// How a fit ends and how finely it integrates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FitOptions {
+    /// Integration steps per log sample.
+    pub substeps: usize,
+    /// At most so many accepted steps.
+    pub iterations: usize,
+    /// Steps of the initial states alone before θ moves.
+    pub state_iterations: usize,
+}
+
+/// The result of a fit.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// θ, all entries.
+    pub theta: Vec<f64>,
+    /// The entries that were free.
+    pub free: Vec<usize>,
+    /// Initial state of every window.
+    pub states: Vec<Vec<f64>>,
+    /// Standard deviation of the residuals of each channel, at least the sensor's noise.
+    pub sigma: Vec<f64>,
+    /// Sum of squared residuals and their number, per window and channel; infinite where the roll-out diverges.
+    pub squares: Vec<Vec<(f64, usize)>>,
+    /// Σ over windows of S, and the priors: the information on θ_free, in units of the residuals' variance.
+    pub information: DMatrix<f64>,
+    /// Each window's gradient g after the fit (none where its equations failed), for the sandwich error.
+    pub gradients: Vec<Option<DVector<f64>>>,
+    /// The loss, with priors.
+    pub loss: f64,
+    /// Whether the loss had stopped falling.
+    pub converged: bool,
+}
+
+impl Fit {
+    /// Standard errors of θ_free that hold for residuals correlated within a window: the sandwich I⁻¹ (Σ g gᵀ) I⁻¹, at least the
+    /// nominal I⁻¹. A constant that the data do not move has an infinite one, or its prior's.
+    pub fn standard_errors(&self) -> Vec<f64> {
+        let n = self.free.len();
+        let Some(inverse) = Cholesky::new(self.information.clone()).map(|c| c.inverse()) else {
+            return vec![f64::INFINITY; n];
+        };
+        let mut meat = DMatrix::zeros(n, n);
+        for g in self.gradients.iter().flatten() {
+            meat += g * g.transpose();
+        }
+        let sandwich = &inverse * meat * &inverse;
+        (0..n)
+            .map(|i| sandwich[(i, i)].max(inverse[(i, i)]).sqrt())
+            .collect()
+    }
+}
+
+/// The damped step of θ_free within its bounds; a constant at its bound that would leave it, or that moves nothing, stays.
+fn damped_step(
+    problem: &Problem,
+    theta: &[f64],
+    s: &DMatrix<f64>,
+    g: &DVector<f64>,
+    damping: f64,
+) -> DVector<f64> {
+    let n = problem.free.len();
+    let bound = |k: usize| {
+        let constant = &problem.hybrid.constants()[problem.free[k]];
+        let x = theta[problem.free[k]];
+        (constant.lower - x, constant.upper - x)
+    };
+    let mut active: Vec<usize> = (0..n)
+        .filter(|&k| {
+            let (down, up) = bound(k);
+            s[(k, k)] > 1e-300 && !(down >= 0.0 && g[k] < 0.0) && !(up <= 0.0 && g[k] > 0.0)
+        })
+        .collect();
+    let mut step = DVector::zeros(n);
+    // Constants that the step would carry over a bound are put on it and the rest solved again.
+    while !active.is_empty() {
+        let m = active.len();
+        // Scaled to a unit diagonal: the constants' units differ by many orders of magnitude.
+        let scale: Vec<f64> = active.iter().map(|&k| s[(k, k)].sqrt()).collect();
+        let fixed_part = s * &step;
+        let matrix = DMatrix::from_fn(m, m, |i, j| {
+            let entry = s[(active[i], active[j])] / (scale[i] * scale[j]);
+            if i == j { entry + damping } else { entry }
+        });
+        let rhs = DVector::from_fn(m, |i, _| (g[active[i]] - fixed_part[active[i]]) / scale[i]);
+        let Some(factor) = Cholesky::new(matrix) else {
+            break;
+        };
+        let solved = factor.solve(&rhs);
+        let over: Vec<usize> = (0..m)
+            .filter(|&i| {
+                let (down, up) = bound(active[i]);
+                let d = solved[i] / scale[i];
+                d < down || d > up
+            })
+            .collect();
+        if over.is_empty() {
+            for i in 0..m {
+                step[active[i]] = solved[i] / scale[i];
+            }
+            break;
+        }
+        for &i in over.iter().rev() {
+            let (down, up) = bound(active[i]);
+            step[active[i]] = (solved[i] / scale[i]).clamp(down, up);
+            active.remove(i);
+        }
+    }
+    step
+}
+
+/// Fits θ_free and the initial states to the windows, from the model's θ and the states given.
+///
+/// `sigma` are the standard deviations to start with, one a channel; they are estimated anew with every step.
+pub fn fit(
+    hybrid: &Hybrid,
+    observations: &Observations,
+    windows: &[Window],
+    free: &[usize],
+    mut theta: Vec<f64>,
+    mut states: Vec<Vec<f64>>,
+    mut sigma: Vec<f64>,
+    options: &FitOptions,
+) -> Fit {
+    let surroundings = |free| Problem::new(hybrid, observations, windows, free, options.substeps);
+    let problem = surroundings(free);
+    let states_only = surroundings(&[]);
+
+    for _ in 0..options.state_iterations {
+        let reduced = states_only.reduced(&theta, &states, &sigma);
+        let steps: Vec<_> = reduced
+            .into_iter()
+            .map(|r| r.map(|r| r.state_step))
+            .collect();
+        let stepped = states_only.step_states(&theta, &states, &steps, &sigma);
+        states = stepped.into_iter().map(|(state, _)| state).collect();
+        sigma = spread(&problem, &theta, &states);
+    }
+
+    let mut converged = false;
+    let mut damping = 1e-3;
+    let mut loss = total(&problem, &theta, &states, &sigma);
+    for _ in 0..options.iterations {
+        let reduced = problem.reduced(&theta, &states, &sigma);
+        let (s, g) = problem.assemble(&theta, &reduced);
+        let mut accepted = false;
+        let before = loss;
+        for _ in 0..6 {
+            let d = damped_step(&problem, &theta, &s, &g, damping);
+            let mut trial = theta.clone();
+            for (k, &i) in free.iter().enumerate() {
+                let constant = &hybrid.constants()[i];
+                trial[i] = (trial[i] + d[k]).clamp(constant.lower, constant.upper);
+            }
+            let steps: Vec<_> = reduced
+                .iter()
+                .map(|r| r.as_ref().map(|r| &r.state_step - &r.state_by_theta * &d))
+                .collect();
+            let stepped = problem.step_states(&trial, &states, &steps, &sigma);
+            let trial_loss =
+                problem.prior_loss(&trial) + stepped.iter().map(|(_, loss)| loss).sum::<f64>();
+            if trial_loss < loss {
+                theta = trial;
+                states = stepped.into_iter().map(|(state, _)| state).collect();
+                loss = trial_loss;
+                damping = (damping * 0.1).max(1e-9);
+                accepted = true;
+                break;
+            }
+            damping *= 10.0;
+        }
+        let decrease = before - loss;
+        let new_sigma = spread(&problem, &theta, &states);
+        let change = sigma
+            .iter()
+            .zip(&new_sigma)
+            .map(|(old, new)| (new / old - 1.0).abs())
+            .fold(0.0, f64::max);
+        sigma = new_sigma;
+        let small = decrease < 0.3 + 1e-4 * before;
+        loss = total(&problem, &theta, &states, &sigma);
+        if (small && change < 3e-3) || !accepted && change < 3e-3 {
+            converged = true;
+            break;
+        }
+        if !accepted {
+            damping = 1e-3;
+        }
+    }
+
+    let reduced = problem.reduced(&theta, &states, &sigma);
+    let (information, _) = problem.assemble(&theta, &reduced);
+    let (squares, _) = problem.squares(&theta, &states);
+    Fit {
+        theta,
+        free: free.to_vec(),
+        states,
+        sigma,
+        squares,
+        information,
+        gradients: reduced.into_iter().map(|r| r.map(|r| r.g)).collect(),
+        loss,
+        converged,
+    }
+}
+
+fn total(problem: &Problem, theta: &[f64], states: &[Vec<f64>], sigma: &[f64]) -> f64 {
+    let none = vec![None; states.len()];
+    let windows = problem.step_states(theta, states, &none, sigma);
+    problem.prior_loss(theta) + windows.iter().map(|(_, loss)| loss).sum::<f64>()
+}
+
+/// Robust standard deviation of the residuals of each channel, at least the sensor's noise.
+fn spread(problem: &Problem, theta: &[f64], states: &[Vec<f64>]) -> Vec<f64> {
+    let (_, by_channel) = problem.squares(theta, states);
+    problem
+        .observations
+        .channels
+        .iter()
+        .zip(by_channel)
+        .map(|(channel, residuals)| {
+            let mut size: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
+            size.sort_by(f64::total_cmp);
+            let median = size.get(size.len() / 2).copied().unwrap_or(0.0);
+            (1.4826 * median).max(channel.noise)
+        })
+        .collect()
+}

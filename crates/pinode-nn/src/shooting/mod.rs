@@ -1,0 +1,18 @@
+//! The multiple-shooting fit: short windows with free initial states, one common θ.
+//!
+//! Long roll-outs of a mechanism forget their start and diverge near unstable points; windows of about half a second do not.
+//! Positions are compared, and velocities where they are measured and not differences of positions.
+
+mod fit;
+mod normal;
+mod observation;
+pub(crate) mod problem;
+mod roll;
+mod window;
+
+pub use fit::{Fit, FitOptions, fit};
+pub(crate) use normal::{Accumulator, fill_row};
+pub use normal::{Reduced, WindowNormal};
+pub use observation::{Channel, Observations, ObservedRun, wrap_angle};
+pub use roll::{Diverged, Roller, Trajectory};
+pub use window::{Window, Windows, consecutive};

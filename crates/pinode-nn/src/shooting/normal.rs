@@ -1,0 +1,185 @@
+//! Normal equations of one window, and the elimination of its initial state.
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+use super::{Channel, Trajectory};
+
+/// Residuals beyond this many standard deviations count linearly (Huber).
+const HUBER: f64 = 3.0;
+
+/// The Gauss–Newton normal equations of one window. With the residuals r = (y − ŷ)/σ, their Huber weights W, and the Jacobians of ŷ/σ
+/// in the initial state, J_l, and in θ_free, J_g:
+///
+/// A = J_lᵀ W J_l, B = J_lᵀ W J_g, C = J_gᵀ W J_g, g_l = J_lᵀ W r, g_g = J_gᵀ W r.
+#[derive(Debug, Clone)]
+pub struct WindowNormal {
+    /// A, nx × nx.
+    pub a: DMatrix<f64>,
+    /// B, nx × P.
+    pub b: DMatrix<f64>,
+    /// C, P × P.
+    pub c: DMatrix<f64>,
+    /// g_l, nx.
+    pub gl: DVector<f64>,
+    /// g_g, P.
+    pub gg: DVector<f64>,
+}
+
+/// A window's equations in θ_free alone: S = C − Bᵀ A⁻¹ B, g = g_g − Bᵀ A⁻¹ g_l.
+#[derive(Debug, Clone)]
+pub struct Reduced {
+    /// S, P × P.
+    pub s: DMatrix<f64>,
+    /// g, P.
+    pub g: DVector<f64>,
+    /// A⁻¹ g_l: the step of the initial state at fixed θ.
+    pub state_step: DVector<f64>,
+    /// A⁻¹ B: how the initial state follows θ.
+    pub state_by_theta: DMatrix<f64>,
+}
+
+/// One residual with its place.
+#[derive(Debug, Clone, Copy)]
+pub struct Residual {
+    /// Sample in the window.
+    pub sample: usize,
+    /// Channel.
+    pub channel: usize,
+    /// y − ŷ, in the channel's unit.
+    pub value: f64,
+}
+
+/// The residuals of a window that count: `measured(channel, sample)` gives a valid measurement, `zeros` the sensor zero of each
+/// channel.
+pub fn residuals<'a>(
+    channels: &'a [Channel],
+    nv: usize,
+    count: usize,
+    zeros: &'a [f64],
+    states: &'a [f64],
+    measured: impl Fn(usize, usize) -> Option<f64> + 'a,
+) -> impl Iterator<Item = Residual> + 'a {
+    let nx = 2 * nv;
+    (0..count)
+        .flat_map(move |sample| (0..channels.len()).map(move |channel| (sample, channel)))
+        .filter_map(move |(sample, channel)| {
+            let simulated = states[sample * nx + channels[channel].state(nv)] + zeros[channel];
+            measured(channel, sample).map(|y| Residual {
+                sample,
+                channel,
+                value: channels[channel].difference(y, simulated),
+            })
+        })
+}
+
+/// Huber's weight of a residual in standard deviations.
+pub fn huber_weight(r: f64) -> f64 {
+    if r.abs() <= HUBER {
+        1.0
+    } else {
+        HUBER / r.abs()
+    }
+}
+
+/// Huber's loss, ½ r² near zero.
+pub fn huber_loss(r: f64) -> f64 {
+    if r.abs() <= HUBER {
+        0.5 * r * r
+    } else {
+        HUBER * (r.abs() - 0.5 * HUBER)
+    }
+}
+
+/// Adds up a window's normal equations row by row.
+#[derive(Debug, Clone)]
+pub struct Accumulator {
+    nx: usize,
+    all: DMatrix<f64>,
+    gradient: DVector<f64>,
+}
+
+impl Accumulator {
+    /// For `nx` entries of the initial state and `free` further columns.
+    pub fn new(nx: usize, free: usize) -> Self {
+        Accumulator {
+            nx,
+            all: DMatrix::zeros(nx + free, nx + free),
+            gradient: DVector::zeros(nx + free),
+        }
+    }
+
+    /// Adds one residual `r` in standard deviations, whose derivative −∂r in all columns is `row`.
+    pub fn add(&mut self, row: &[f64], r: f64) {
+        let weight = huber_weight(r);
+        for (j, &entry) in row.iter().enumerate() {
+            let weighted = weight * entry;
+            self.gradient[j] += weighted * r;
+            for (i, &other) in row[..=j].iter().enumerate() {
+                self.all[(i, j)] += other * weighted;
+            }
+        }
+    }
+
+    /// The equations.
+    pub fn finish(mut self) -> WindowNormal {
+        self.all.fill_lower_triangle_with_upper_triangle();
+        let nx = self.nx;
+        let free = self.gradient.len() - nx;
+        WindowNormal {
+            a: self.all.view((0, 0), (nx, nx)).into_owned(),
+            b: self.all.view((0, nx), (nx, free)).into_owned(),
+            c: self.all.view((nx, nx), (free, free)).into_owned(),
+            gl: self.gradient.rows(0, nx).into_owned(),
+            gg: self.gradient.rows(nx, free).into_owned(),
+        }
+    }
+}
+
+/// The columns of ŷ/σ for one residual: its derivatives in the initial state and in θ_free. `zero_column` is the column of θ_free that
+/// shifts the channel.
+pub fn fill_row(
+    row: &mut [f64],
+    residual: &Residual,
+    state: usize,
+    nx: usize,
+    scale: f64,
+    zero_column: Option<usize>,
+    trajectory: &Trajectory,
+) {
+    let columns = row.len();
+    let block = &trajectory.sensitivities[residual.sample * nx * columns..];
+    for (column, entry) in row.iter_mut().enumerate() {
+        *entry = block[column * nx + state] * scale;
+    }
+    if let Some(zero) = zero_column {
+        row[nx + zero] += scale;
+    }
+}
+
+impl WindowNormal {
+    /// A⁻¹ applied to `rhs`; what the window does not determine is held by a relative ridge.
+    pub fn solve_a(&self, rhs: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+        let mut a = self.a.clone();
+        for i in 0..a.nrows() {
+            a[(i, i)] += 1e-9 * a[(i, i)] + f64::MIN_POSITIVE;
+        }
+        Cholesky::new(a).map(|factor| factor.solve(rhs))
+    }
+
+    /// Eliminates the initial state; `None` when the window does not determine it.
+    pub fn reduce(&self) -> Option<Reduced> {
+        let (nx, free) = self.b.shape();
+        let mut rhs = DMatrix::zeros(nx, free + 1);
+        rhs.columns_mut(0, free).copy_from(&self.b);
+        rhs.column_mut(free).copy_from(&self.gl);
+        let solved = self.solve_a(&rhs)?;
+        let state_by_theta = solved.columns(0, free).into_owned();
+        let state_step = solved.column(free).into_owned();
+        Some(Reduced {
+            s: &self.c - self.b.transpose() * &state_by_theta,
+            g: &self.gg - self.b.transpose() * &state_step,
+            state_step,
+            state_by_theta,
+        })
+    }
+}
