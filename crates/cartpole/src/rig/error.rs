@@ -1,0 +1,75 @@
+//! What can go wrong on the rig.
+
+use std::path::{Path, PathBuf};
+
+/// An error of the rig.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A file could not be read or written.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The mechanism is not a cart with a pole.
+    #[error("{}: the coordinates are {found:?}; the rig needs `slider` then `pole`", path.display())]
+    NotACartPole {
+        /// The URDF.
+        path: PathBuf,
+        /// Its coordinates.
+        found: Vec<String>,
+    },
+    /// The URDF has faults.
+    #[error("{0}")]
+    Urdf(lagrange::Problems),
+    /// The equations of motion have no solution.
+    #[error("at t = {time} s: {source}")]
+    Mechanics {
+        /// When, s.
+        time: f64,
+        /// Why.
+        source: lagrange::Error,
+    },
+    /// The cart has come to the end of its rail.
+    #[error(
+        "the cart is at x = {position} m at t = {time} s, beyond the rail's limit of ±{limit} m: \
+         lower operator.reach or raise operator.stiffness"
+    )]
+    OffTheRail {
+        /// When, s.
+        time: f64,
+        /// Where, m.
+        position: f64,
+        /// The rail's limit, m.
+        limit: f64,
+    },
+    /// An effect that the rig cannot have.
+    #[error("{kind} on {target}: {reason}")]
+    Effect {
+        /// Its kind.
+        kind: &'static str,
+        /// What it sits on.
+        target: &'static str,
+        /// Why not, and what to do.
+        reason: String,
+    },
+    /// The user's model cannot be written for this draw.
+    #[error("{}: {reason}", path.display())]
+    Model {
+        /// The model file.
+        path: PathBuf,
+        /// Why, and what to do.
+        reason: String,
+    },
+}
+
+impl Error {
+    /// An I/O error at `path`.
+    pub(crate) fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Error::Io { path, source }
+    }
+}
