@@ -1,4 +1,5 @@
 //! The virtual rig against physics, against its own promises, and against closed forms.
+#![allow(clippy::unwrap_used, clippy::needless_range_loop)] // helpers of tests; i counts joints
 
 use std::path::{Path, PathBuf};
 
@@ -554,7 +555,7 @@ fn settings_report_all_faults_with_line_and_column() {
     let unknown = text.replace("[rail]\nlimit", "[rail]\nlimits");
     let message = Config::parse(&unknown, "rig.toml").unwrap_err().to_string();
     assert!(message.contains("unknown field `limits`"), "{message}");
-    let nan = text.replace("reach        = 0.25", "reach        = nan");
+    let nan = text.replace("tremor       = 0.25", "tremor       = nan");
     assert!(Config::parse(&nan, "rig.toml").is_err());
 }
 
