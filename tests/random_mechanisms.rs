@@ -1,0 +1,186 @@
+//! What holds for every mechanism, on random trees of one to eight bodies.
+#![allow(clippy::unwrap_used, clippy::panic)] // helpers of tests
+
+mod common {
+    pub mod load;
+    pub mod random_tree;
+}
+
+use common::load::tree;
+use common::random_tree::{RandomBody, body, urdf};
+use lagrange::equations::reference;
+use lagrange::mechanism::Tree;
+use lagrange::urdf::Options;
+use lagrange::{Dynamics, InverseDynamicsDerivatives, Lagrangian, Mechanics};
+use nalgebra::{DMatrix, DVector};
+use num_dual::Dual64;
+use proptest::collection::vec;
+use proptest::prelude::*;
+
+/// A tree at a state (q, v) with an acceleration a, and the sizes that rounding is measured by.
+struct Case {
+    mechanics: Dynamics<Tree>,
+    q: Vec<f64>,
+    v: Vec<f64>,
+    a: Vec<f64>,
+    /// Largest entry of M.
+    mass: f64,
+    /// M |v|², M |a| and the bias together: what the terms of a force are made of, N.
+    force: f64,
+}
+
+fn case() -> impl Strategy<Value = Case> {
+    let joints = &["revolute", "continuous", "prismatic"];
+    vec(body(joints), 1..=8).prop_flat_map(|bodies| {
+        let n = bodies.len();
+        let state = (vec(-3.0..3.0, n), vec(-2.0..2.0, n), vec(-5.0..5.0, n));
+        (Just(bodies), state).prop_map(|(bodies, (q, v, a))| new_case(&bodies, q, v, a))
+    })
+}
+
+fn new_case(bodies: &[RandomBody], q: Vec<f64>, v: Vec<f64>, a: Vec<f64>) -> Case {
+    let mechanics = tree(&urdf(bodies), &Options::default());
+    let mass = mechanics.mass_matrix(&q).unwrap().amax();
+    let amax = |x: &[f64]| x.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    let bias = mechanics.bias_force(&q, &v).unwrap().amax();
+    let force = mass * (amax(&v).powi(2) + amax(&a)) + bias;
+    Case {
+        mechanics,
+        q,
+        v,
+        a,
+        mass,
+        force,
+    }
+}
+
+impl std::fmt::Debug for Case {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (q, v, a) = (&self.q, &self.v, &self.a);
+        write!(
+            f,
+            "q = {q:?}, v = {v:?}, a = {a:?}, {:#?}",
+            self.mechanics.lagrangian()
+        )
+    }
+}
+
+/// x + ε dx.
+fn along(x: &[f64], dx: &[f64]) -> Vec<Dual64> {
+    x.iter()
+        .zip(dx)
+        .map(|(&x, &dx)| Dual64::new(x, dx))
+        .collect()
+}
+
+/// Ṁ along q̇ = v, from the definition: M_ij = T(e_i + e_j) − T(e_i) − T(e_j) on dual numbers.
+fn mass_rate(tree: &Tree, q: &[f64], v: &[f64]) -> DMatrix<f64> {
+    let n = q.len();
+    let q = along(q, v);
+    let kinetic = |i: usize, j: usize, both: f64| {
+        let mut u = vec![Dual64::from(0.0); n];
+        u[i] += 1.0;
+        u[j] += both;
+        tree.kinetic(&q, &u).eps
+    };
+    DMatrix::from_fn(n, n, |i, j| {
+        kinetic(i, j, 1.0) - kinetic(i, j, 0.0) - kinetic(j, i, 0.0)
+    })
+}
+
+/// The largest entry of a difference.
+fn gap(a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
+    (a - b).amax()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(96))]
+
+    #[test]
+    fn the_mass_matrix_is_symmetric_and_positive_definite(case in case()) {
+        let mass = case.mechanics.mass_matrix(&case.q).unwrap();
+        prop_assert_eq!(&mass, &mass.transpose());
+        prop_assert!(mass.cholesky().is_some());
+    }
+
+    #[test]
+    fn both_routes_give_the_same_equations(case in case()) {
+        let Case { mechanics, q, v, .. } = &case;
+        let at = reference::equations(mechanics.lagrangian(), q, v);
+        prop_assert!(gap(&mechanics.mass_matrix(q).unwrap(), &at.mass_matrix) <= 1e-13 * case.mass);
+        let bias = mechanics.bias_force(q, v).unwrap();
+        prop_assert!((bias - &at.bias_force).amax() <= 1e-12 * case.force);
+        let gravity = mechanics.gravity_force(q).unwrap();
+        prop_assert!((gravity - &at.gravity_force).amax() <= 1e-13 * case.force);
+    }
+
+    #[test]
+    fn the_coriolis_matrix_makes_the_bias_and_takes_no_power(case in case()) {
+        let Case { mechanics, q, v, .. } = &case;
+        let coriolis = mechanics.coriolis_matrix(q, v).unwrap();
+        let velocity = DVector::from_column_slice(v);
+        let bias = mechanics.bias_force(q, v).unwrap();
+        let gravity = mechanics.gravity_force(q).unwrap();
+        prop_assert!((&coriolis * velocity + gravity - bias).amax() <= 1e-12 * case.force);
+        let twist = mass_rate(mechanics.lagrangian(), q, v) - &coriolis * 2.0;
+        prop_assert!((&twist + twist.transpose()).amax() <= 1e-12 * (case.mass + coriolis.amax()));
+    }
+
+    #[test]
+    fn forward_dynamics_undoes_inverse_dynamics(case in case()) {
+        let Case { mechanics, q, v, a, .. } = &case;
+        let force = mechanics.inverse_dynamics(q, v, a).unwrap();
+        let found = mechanics.forward_dynamics(q, v, force.as_slice()).unwrap();
+        // As forces, so that the condition of M does not enter.
+        let missed = mechanics.mass_matrix(q).unwrap() * (found - DVector::from_column_slice(a));
+        prop_assert!(missed.amax() <= 1e-12 * case.force);
+    }
+
+    #[test]
+    fn the_applied_forces_give_the_power(case in case()) {
+        let Case { mechanics, q, v, a, .. } = &case;
+        let force = mechanics.inverse_dynamics(q, v, a).unwrap();
+        let power = force.dot(&DVector::from_column_slice(v));
+        // d/dt (T + V) along q̇ = v, v̇ = a.
+        let (moving, tree) = (along(q, v), mechanics.lagrangian());
+        let rate = (tree.kinetic(&moving, &along(v, a)) + tree.potential(&moving)).eps;
+        let speed: f64 = v.iter().map(|v| v.abs()).sum();
+        prop_assert!((power - rate).abs() <= 1e-12 * case.force * (1.0 + speed));
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(32))]
+
+    #[test]
+    fn derivatives_of_the_inverse_dynamics_are_those_of_differences(case in case()) {
+        let Case { mechanics, q, v, a, .. } = &case;
+        let p = mechanics.nominal();
+        let constants: Vec<usize> = (0..p.len()).collect();
+        let mut work = mechanics.workspace();
+        let mut exact = InverseDynamicsDerivatives::zeros(q.len(), p.len());
+        mechanics.inverse_dynamics_derivatives_into(q, v, a, &p, &constants, &mut work, &mut exact);
+
+        // Differences of fourth order; x = (q, v, p).
+        let mut force = |x: &[f64]| {
+            let (q, rest) = x.split_at(case.q.len());
+            let (v, p) = rest.split_at(case.q.len());
+            let mut out = DVector::zeros(q.len());
+            mechanics.inverse_dynamics_into(q, v, a, p, &mut work, &mut out);
+            out
+        };
+        let x = [&q[..], &v[..], &p[..]].concat();
+        let columns = exact.by_q.column_iter().chain(exact.by_v.column_iter()).chain(exact.by_p.column_iter());
+        for (j, column) in columns.enumerate() {
+            let h = 2e-3;
+            let mut at = |s: f64| {
+                let mut moved = x.clone();
+                moved[j] += s * h;
+                force(&moved)
+            };
+            let difference = ((at(1.0) - at(-1.0)) * 8.0 - (at(2.0) - at(-2.0))) / (12.0 * h);
+            let error = (column - &difference).amax();
+            prop_assert!(error <= 1e-8 * (case.force + difference.amax()), "column {j}: {error:e}");
+        }
+    }
+}
