@@ -48,6 +48,24 @@ pub enum Error {
         /// All windows.
         windows: usize,
     },
+    /// A free run left the finite numbers.
+    #[error(
+        "the simulation diverges after t = {time} s of run `{run}`: take a shorter step, or look for a force that grows without bound"
+    )]
+    Diverged {
+        /// The recording.
+        run: String,
+        /// The last good sample, s.
+        time: f64,
+    },
+    /// No stretch of a log is long enough.
+    #[error(
+        "no window of {horizon} s fits into the logs: take a shorter horizon or longer recordings"
+    )]
+    NoWindow {
+        /// Length asked for, s.
+        horizon: f64,
+    },
     /// A model would replace the file it was read from.
     #[error("{} is the model that was read: write the revised one to another folder or under another name", path.display())]
     OverwritesInput {

@@ -1,6 +1,10 @@
 //! Missing physics.
+#[cfg(feature = "cli")]
+pub mod cli;
 pub mod diagnose;
 pub mod effect;
+pub mod evaluate;
+pub mod free_run;
 pub mod hybrid;
 pub mod log;
 pub mod model;

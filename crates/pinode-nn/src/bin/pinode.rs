@@ -1,2 +1,5 @@
-//! The program `pinode`.
-fn main() {}
+//! The program `pinode`; see `pinode --help`.
+
+fn main() -> std::process::ExitCode {
+    pinode_nn::cli::run()
+}

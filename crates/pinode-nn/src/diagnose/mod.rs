@@ -18,7 +18,7 @@ mod score;
 mod screen;
 mod search;
 mod setup;
-mod smooth;
+pub(crate) mod smooth;
 mod study;
 pub mod verdict;
 mod write_up;

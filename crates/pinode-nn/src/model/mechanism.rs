@@ -5,6 +5,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use lagrange::mechanism::Tree;
 use lagrange::{Dynamics, Mechanics, Position, Problem, Problems, TextLagrangian, TextSource};
 use lagrange::{Field, TextProblem, urdf};
 
@@ -37,6 +38,7 @@ pub(super) struct Mechanism {
     pub name: Option<String>,
     pub mechanics: Arc<dyn Mechanics>,
     pub urdf: Option<UrdfFile>,
+    pub tree: Option<Tree>,
     pub friction: Vec<JointFriction>,
 }
 
@@ -158,11 +160,12 @@ fn from_urdf(
             }),
         }
     }
-    match Dynamics::new(read.tree, coordinates) {
+    match Dynamics::new(read.tree.clone(), coordinates) {
         Ok(dynamics) => Some(Mechanism {
             name: Some(read.name),
             mechanics: Arc::new(dynamics),
             urdf: Some(file),
+            tree: Some(read.tree),
             friction,
         }),
         Err(e) => {
@@ -381,6 +384,7 @@ fn from_text(
             name: None,
             mechanics: Arc::new(dynamics),
             urdf: None,
+            tree: None,
             friction: Vec::new(),
         }),
         Err(e) => {

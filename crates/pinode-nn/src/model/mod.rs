@@ -51,6 +51,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use lagrange::mechanism::Tree;
 use lagrange::{Mechanics, Problems};
 
 pub use sensor::{Sensor, Velocity};
@@ -70,6 +71,8 @@ pub struct Model {
     pub path: PathBuf,
     /// The equations of motion without inputs and effects.
     pub mechanics: Arc<dyn Mechanics>,
+    /// The bodies and joints behind `mechanics`, where they come from a URDF (before `[mass_scale]`).
+    pub tree: Option<Tree>,
     /// The constants of [`Mechanics::parameters`], `[mass_scale]` applied.
     pub parameter_values: Vec<f64>,
     /// The actuators.

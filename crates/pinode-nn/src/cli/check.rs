@@ -1,0 +1,237 @@
+//! `pinode check`: validates a model and prints it.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use lagrange::Role;
+use serde_json::{Value, json};
+
+use super::output::Output;
+use crate::Error;
+use crate::model::{EffectEntry, Model, Target};
+
+#[derive(Debug, clap::Args)]
+pub(super) struct Arguments {
+    /// The model, a TOML file
+    model: PathBuf,
+    /// Refuse inertias that no real body can have instead of warning of them
+    #[arg(long)]
+    strict: bool,
+}
+
+pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
+    let model = if arguments.strict {
+        Model::load_strict(&arguments.model)?
+    } else {
+        Model::load(&arguments.model)?
+    };
+    output.result(&document(&model), &text(&model))
+}
+
+/// Bodies as (name, mass with its scale applied).
+fn bodies(model: &Model) -> Vec<(&str, f64)> {
+    let Some(tree) = &model.tree else {
+        return Vec::new();
+    };
+    let scale = |name: &str| {
+        let scales = model
+            .mechanics
+            .parameters()
+            .iter()
+            .zip(&model.parameter_values);
+        scales
+            .filter(|(p, _)| p.role == Role::MassScale && p.name == name)
+            .map(|(_, &value)| value)
+            .next()
+            .unwrap_or(1.0)
+    };
+    tree.bodies()
+        .iter()
+        .map(|body| (body.name.as_str(), body.mass * scale(&body.name)))
+        .collect()
+}
+
+/// Constants named in the energies.
+fn constants(model: &Model) -> Vec<(&str, f64)> {
+    let parameters = model.mechanics.parameters().iter();
+    parameters
+        .zip(&model.parameter_values)
+        .filter(|(p, _)| p.role == Role::Constant)
+        .map(|(p, &value)| (p.name.as_str(), value))
+        .collect()
+}
+
+/// (name, value, unit) of an effect's parameters.
+fn parameters<'a>(
+    model: &'a Model,
+    effect: &'a EffectEntry,
+) -> impl Iterator<Item = (&'static str, f64, &'static str)> + 'a {
+    let angular = model.target_is_angular(effect.target);
+    effect
+        .kind
+        .parameters
+        .iter()
+        .zip(&effect.values)
+        .map(move |(spec, &value)| (spec.name, value, spec.quantity.unit(angular)))
+}
+
+fn document(model: &Model) -> Value {
+    let coordinates = model.mechanics.coordinates();
+    let named = |list: Vec<(&str, f64)>, key: &str| -> Vec<Value> {
+        list.iter()
+            .map(|(name, value)| json!({ "name": name, key: value }))
+            .collect()
+    };
+    let inputs: Vec<Value> = model
+        .inputs
+        .iter()
+        .map(|input| {
+            let target = Target::Coordinate(input.coordinate);
+            json!({ "name": input.name, "coordinate": model.target_name(target), "gain": input.gain })
+        })
+        .collect();
+    let effects: Vec<Value> = model
+        .effects
+        .iter()
+        .map(|effect| {
+            let parameters: serde_json::Map<String, Value> = parameters(model, effect)
+                .map(|(name, value, unit)| (name.into(), json!({ "value": value, "unit": unit })))
+                .collect();
+            json!({
+                "kind": effect.kind.name,
+                "target": model.target_name(effect.target),
+                "parameters": parameters,
+                "fixed": effect.fixed,
+            })
+        })
+        .collect();
+    let sensors: Vec<Value> = model
+        .sensors
+        .iter()
+        .zip(coordinates)
+        .map(|(sensor, coordinate)| {
+            json!({
+                "coordinate": coordinate.name,
+                "position_noise": sensor.position_noise,
+                "resolution": sensor.resolution,
+                "velocity": sensor.velocity.name(),
+                "zero": sensor.zero,
+            })
+        })
+        .collect();
+    let warnings: Vec<Value> = model
+        .warnings
+        .iter()
+        .flat_map(|w| w.list.iter().map(|problem| (&w.source, problem)))
+        .map(|(source, problem)| {
+            json!({
+                "file": source,
+                "line": problem.position.map(|p| p.line),
+                "column": problem.position.map(|p| p.column),
+                "message": problem.message,
+            })
+        })
+        .collect();
+    let joints: Vec<Value> = model
+        .tree
+        .iter()
+        .flat_map(|tree| tree.joints())
+        .map(|joint| {
+            json!({
+                "name": joint.name,
+                "type": joint.kind.name(),
+                "parent": joint.parent,
+                "child": joint.child,
+            })
+        })
+        .collect();
+    json!({
+        "name": model.name,
+        "coordinates": coordinates.iter().map(|c| json!({
+            "name": c.name, "joint": c.joint, "unit": c.unit(), "wraps": c.wraps,
+        })).collect::<Vec<_>>(),
+        "joints": joints,
+        "masses": named(bodies(model), "mass"),
+        "parameters": named(constants(model), "value"),
+        "inputs": inputs,
+        "effects": effects,
+        "sensors": sensors,
+        "warnings": warnings,
+    })
+}
+
+fn text(model: &Model) -> String {
+    let mut out = String::new();
+    // Writing to a String cannot fail.
+    let _ = writeln!(out, "{}", model.name);
+    let coordinates = model.mechanics.coordinates();
+    let _ = writeln!(out, "\ncoordinates (in this order):");
+    for c in coordinates {
+        let wraps = if c.wraps { ", wraps" } else { "" };
+        let _ = writeln!(out, "  {} [{}{wraps}]", c.name, c.unit());
+    }
+    if let Some(tree) = &model.tree {
+        let _ = writeln!(out, "\njoints:");
+        for joint in tree.joints() {
+            let _ = writeln!(
+                out,
+                "  {}: {}, {} -> {}",
+                joint.name,
+                joint.kind.name(),
+                joint.parent,
+                joint.child
+            );
+        }
+        let _ = writeln!(out, "\nmoving masses:");
+        for (name, mass) in bodies(model) {
+            let _ = writeln!(out, "  {name}: {mass} kg");
+        }
+    }
+    let constants = constants(model);
+    if !constants.is_empty() {
+        let _ = writeln!(out, "\nconstants:");
+        for (name, value) in constants {
+            let _ = writeln!(out, "  {name} = {value}");
+        }
+    }
+    if !model.inputs.is_empty() {
+        let _ = writeln!(out, "\ninputs:");
+    }
+    for input in &model.inputs {
+        let unit = coordinates
+            .get(input.coordinate)
+            .map_or("", |c| c.force_unit());
+        let target = model.target_name(Target::Coordinate(input.coordinate));
+        let _ = writeln!(
+            out,
+            "  {} on {target}, {} {unit} per unit",
+            input.name, input.gain
+        );
+    }
+    if !model.effects.is_empty() {
+        let _ = writeln!(out, "\neffects:");
+    }
+    for effect in &model.effects {
+        let numbers: Vec<String> = parameters(model, effect)
+            .map(|(name, value, unit)| format!("{name} = {value} {unit}"))
+            .collect();
+        let _ = writeln!(
+            out,
+            "  {} on {}: {}{}",
+            effect.kind.name,
+            model.target_name(effect.target),
+            numbers.join(", "),
+            if effect.fixed { " (fixed)" } else { "" }
+        );
+    }
+    let count: usize = model.warnings.iter().map(|w| w.list.len()).sum();
+    if count > 0 {
+        let _ = writeln!(out, "\n{count} warnings:");
+        for warnings in &model.warnings {
+            let _ = writeln!(out, "{warnings}");
+        }
+    } else {
+        let _ = writeln!(out, "\nno warnings");
+    }
+    out
+}

@@ -1,0 +1,93 @@
+//! `pinode evaluate`: free-run errors over windows of logs.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use clap::ValueEnum;
+
+use super::output::Output;
+use super::simulate::positive;
+use crate::Error;
+use crate::evaluate::{Evaluation, Options, evaluate};
+use crate::free_run::{Initial, LONGEST_STEP};
+
+#[derive(Debug, clap::Args)]
+pub(super) struct Arguments {
+    /// The model, a TOML file
+    model: PathBuf,
+    /// Logs, CSV files
+    #[arg(required = true)]
+    logs: Vec<PathBuf>,
+    /// Length of a window, s
+    #[arg(long, value_name = "S", default_value_t = 0.6, value_parser = positive)]
+    horizon: f64,
+    /// Number of windows, spread evenly over the logs
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..))]
+    windows: u32,
+    /// Initial state of each window
+    #[arg(long, value_enum, default_value_t = Start::Measured)]
+    initial: Start,
+    /// Longest integration step, s
+    #[arg(long, value_name = "S", default_value_t = LONGEST_STEP, value_parser = positive)]
+    step: f64,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Start {
+    /// The measured one, as in the paper
+    Measured,
+    /// From cubics fitted to the positions around it
+    Estimated,
+}
+
+pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
+    let model = output.load_model(&arguments.model)?;
+    let logs = arguments
+        .logs
+        .iter()
+        .map(|path| output.read_log(path, &model))
+        .collect::<Result<Vec<_>, _>>()?;
+    let options = Options {
+        horizon: arguments.horizon,
+        windows: arguments.windows as usize,
+        initial: match arguments.initial {
+            Start::Measured => Initial::Measured,
+            Start::Estimated => Initial::Estimated,
+        },
+        longest_step: arguments.step,
+    };
+    let evaluation = evaluate(&model, &logs, &options)?;
+    if evaluation.diverged > 0 {
+        output.note(&format!(
+            "warning: {} of {} windows diverged and are left out of the errors",
+            evaluation.diverged, evaluation.windows
+        ));
+    }
+    output.result(&evaluation, &text(&evaluation))
+}
+
+fn text(evaluation: &Evaluation) -> String {
+    let mut out = format!(
+        "free run over {} windows of {} s\n\n",
+        evaluation.windows, evaluation.horizon_s
+    );
+    let width = evaluation
+        .coordinates
+        .iter()
+        .map(|c| c.name.chars().count())
+        .fold(10, usize::max);
+    // Writing to a String cannot fail.
+    let _ = writeln!(
+        out,
+        "{:width$}  {:>12}  {:>12}  {:>12}  unit",
+        "coordinate", "MAE", "RMSE", "std"
+    );
+    for c in &evaluation.coordinates {
+        let _ = writeln!(
+            out,
+            "{:width$}  {:>12.6}  {:>12.6}  {:>12.6}  {}",
+            c.name, c.mae, c.rmse, c.std, c.unit
+        );
+    }
+    out
+}

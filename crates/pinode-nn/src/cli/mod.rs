@@ -1,0 +1,94 @@
+//! The program `pinode`: arguments, people's text, exit codes. One file per command.
+//!
+//! With `--json` there is one JSON document on stdout and nothing else; people's text goes to stderr. Exit codes: 0 done, 1 the
+//! work failed, 2 wrong usage.
+
+mod check;
+mod dynamics;
+mod evaluate;
+mod output;
+mod simulate;
+
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand};
+
+use crate::Error;
+use output::Output;
+
+/// Equations of motion from energies; find the physics that a model is missing.
+#[derive(Debug, Parser)]
+#[command(name = "pinode", version)]
+struct Cli {
+    #[command(flatten)]
+    common: Common,
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// What every command takes.
+#[derive(Debug, Clone, Args)]
+struct Common {
+    /// One JSON document on stdout; people's text goes to stderr
+    #[arg(long, global = true)]
+    json: bool,
+    /// Seed of everything random: the same seed gives the same result, bit for bit
+    #[arg(long, global = true, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Number of threads [default: one per processor]; does not change results
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+    /// No text for people but errors
+    #[arg(long, global = true)]
+    quiet: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Validate a model and print its mechanism, inputs, effects and every warning
+    Check(check::Arguments),
+    /// Evaluate the equations of motion M(q) v̇ + C(q, v) v + G(q) = Q at given states
+    Dynamics(dynamics::Arguments),
+    /// Roll the model out; with a log, under its inputs and from its initial state
+    Simulate(simulate::Arguments),
+    /// Free-run errors over many windows of logs, per coordinate
+    Evaluate(evaluate::Arguments),
+}
+
+/// Runs the program with the arguments of the process.
+pub fn run() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(e) => {
+            // Help and version go to stdout with code 0, wrong usage to stderr with code 2.
+            let _ = e.print();
+            return ExitCode::from(u8::try_from(e.exit_code()).unwrap_or(2));
+        }
+    };
+    let output = Output {
+        json: cli.common.json,
+        quiet: cli.common.quiet,
+    };
+    if let Some(threads) = cli.common.threads {
+        // Fails only when the pool exists already, which it does not.
+        let _ = rayon::ThreadPoolBuilder::new()
+            .num_threads(usize::from(threads))
+            .build_global();
+    }
+    match execute(cli.command, &output) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            output.error(&error);
+            ExitCode::from(1)
+        }
+    }
+}
+
+fn execute(command: Command, output: &Output) -> Result<(), Error> {
+    match command {
+        Command::Check(arguments) => check::run(&arguments, output),
+        Command::Dynamics(arguments) => dynamics::run(&arguments, output),
+        Command::Simulate(arguments) => simulate::run(&arguments, output),
+        Command::Evaluate(arguments) => evaluate::run(&arguments, output),
+    }
+}

@@ -1,0 +1,96 @@
+//! Where results and messages go.
+
+use std::io::{ErrorKind, Write};
+use std::path::Path;
+
+use serde::Serialize;
+
+use crate::Error;
+use crate::log::Log;
+use crate::model::Model;
+
+/// The streams of the program.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Output {
+    pub json: bool,
+    pub quiet: bool,
+}
+
+impl Output {
+    /// A result: `document` as JSON with `--json`, else `text`.
+    pub fn result(&self, document: &impl Serialize, text: &str) -> Result<(), Error> {
+        if self.json {
+            self.document(document)
+        } else if self.quiet {
+            Ok(())
+        } else {
+            to_stdout(text.as_bytes())
+        }
+    }
+
+    /// A JSON document on stdout.
+    pub fn document(&self, document: &impl Serialize) -> Result<(), Error> {
+        let mut bytes = serde_json::to_vec_pretty(document)
+            .map_err(|e| Error::io(Path::new("stdout"), e.into()))?;
+        bytes.push(b'\n');
+        to_stdout(&bytes)
+    }
+
+    /// A message on stderr.
+    pub fn note(&self, text: &str) {
+        if !self.quiet {
+            let _ = writeln!(std::io::stderr(), "{text}"); // nobody is left to tell when stderr is gone
+        }
+    }
+
+    /// An error on stderr.
+    pub fn error(&self, error: &Error) {
+        let mut stderr = std::io::stderr();
+        let _ = match error {
+            Error::Problems(problems) => {
+                let n = problems.list.len();
+                let noun = if n == 1 { "problem" } else { "problems" };
+                writeln!(
+                    stderr,
+                    "error: {n} {noun} in {}\n{problems}",
+                    problems.source
+                )
+            }
+            other => writeln!(stderr, "error: {other}"),
+        };
+    }
+
+    /// Loads a model and tells its warnings.
+    pub fn load_model(&self, path: &Path) -> Result<Model, Error> {
+        let model = Model::load(path)?;
+        for warnings in &model.warnings {
+            for line in warnings.to_string().lines() {
+                self.note(&format!("warning: {line}"));
+            }
+        }
+        Ok(model)
+    }
+
+    /// Reads a log and tells its warnings.
+    pub fn read_log(&self, path: &Path, model: &Model) -> Result<Log, Error> {
+        let log = Log::read(path, model)?;
+        for warning in &log.warnings {
+            let separator = if warning.position.is_some() {
+                ":"
+            } else {
+                ": "
+            };
+            self.note(&format!("warning: {}{separator}{warning}", path.display()));
+        }
+        Ok(log)
+    }
+}
+
+/// Whoever closed the pipe has read enough: no error.
+fn to_stdout(bytes: &[u8]) -> Result<(), Error> {
+    let mut stdout = std::io::stdout().lock();
+    match stdout.write_all(bytes).and_then(|()| stdout.flush()) {
+        Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(Error::io(Path::new("stdout"), e)),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,209 @@
+//! `pinode simulate`: rolls a model out and writes the trajectory as a log.
+
+use std::path::PathBuf;
+
+use lagrange::{Problem, Problems};
+use serde_json::json;
+
+use super::output::Output;
+use crate::Error;
+use crate::disk::write_atomically;
+use crate::free_run::{Initial, LONGEST_STEP, initial_states, simulate};
+use crate::log::Run;
+use crate::model::Model;
+
+/// A longer trajectory is refused.
+const MOST_SAMPLES: f64 = 1e7;
+
+#[derive(Debug, clap::Args)]
+pub(super) struct Arguments {
+    /// The model, a TOML file
+    model: PathBuf,
+    /// Take times, inputs and initial state of every run from this log
+    #[arg(long)]
+    log: Option<PathBuf>,
+    /// Length, s [default: the log's; 10 without a log]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    duration: Option<f64>,
+    /// Initial state: positions, then velocities [default: the log's; 0 without a log]
+    #[arg(
+        long,
+        value_name = "Q1,Q2,…,V1,V2,…",
+        value_delimiter = ',',
+        allow_hyphen_values = true
+    )]
+    initial: Option<Vec<f64>>,
+    /// Interval between samples without a log, s
+    #[arg(long, value_name = "S", default_value_t = 0.01, value_parser = positive, conflicts_with = "log")]
+    sample: f64,
+    /// Longest integration step, s
+    #[arg(long, value_name = "S", default_value_t = LONGEST_STEP, value_parser = positive)]
+    step: f64,
+    /// The trajectory, in the format of a log: what the sensors would read, without noise
+    #[arg(long, value_name = "TRAJ.csv")]
+    out: PathBuf,
+}
+
+/// A positive, finite number.
+pub(super) fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x.is_finite() && x > 0.0 => Ok(x),
+        Ok(x) => Err(format!("{x} is not positive")),
+        Err(e) => Err(e.to_string()),
+    }
+}
+
+pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
+    let model = output.load_model(&arguments.model)?;
+    let n = model.mechanics.nv();
+    if let Some(initial) = &arguments.initial {
+        check_initial(&model, initial)?;
+    }
+    let runs = match &arguments.log {
+        Some(path) => output.read_log(path, &model)?.runs,
+        None => vec![still_run(&model, arguments)?],
+    };
+    let mut text = header(&model, arguments.log.is_some()).into_bytes();
+    let mut samples = 0;
+    for mut run in runs {
+        if let Some(duration) = arguments.duration {
+            shorten(&mut run, duration);
+        }
+        let measured = initial_states(&model, &run, Initial::Measured);
+        let initial = match (&arguments.initial, measured.into_iter().next()) {
+            (Some(given), _) => given.clone(),
+            (None, Some(first)) => first,
+            (None, None) => vec![0.0; 2 * n],
+        };
+        let states = simulate(&model, &run.id, &run.t, &run.u, &initial, arguments.step)?;
+        samples += states.len();
+        let id = arguments.log.is_some().then_some(run.id.as_str());
+        write_rows(&mut text, &model, &run, id, &states)?;
+    }
+    write_atomically(&arguments.out, &text)?;
+    let path = arguments.out.display().to_string();
+    output.result(
+        &json!({ "out": path, "samples": samples, "longest_step_s": arguments.step }),
+        &format!("{samples} samples written to {path}\n"),
+    )
+}
+
+fn check_initial(model: &Model, initial: &[f64]) -> Result<(), Error> {
+    let coordinates = model.mechanics.coordinates();
+    let mut list = Vec::new();
+    if initial.len() != 2 * coordinates.len() {
+        let names: Vec<String> = ["q", "v"]
+            .iter()
+            .flat_map(|s| coordinates.iter().map(move |c| format!("{s}.{}", c.name)))
+            .collect();
+        list.push(Problem::general(format!(
+            "{} numbers are given, the state has {}: {}",
+            initial.len(),
+            names.len(),
+            names.join(",")
+        )));
+    }
+    if let Some(x) = initial.iter().find(|x| !x.is_finite()) {
+        list.push(Problem::general(format!("{x} is not finite")));
+    }
+    if list.is_empty() {
+        return Ok(());
+    }
+    Err(Error::Problems(Problems {
+        source: "--initial".into(),
+        list,
+    }))
+}
+
+/// A recording without inputs, at rest in 0.
+fn still_run(model: &Model, arguments: &Arguments) -> Result<Run, Error> {
+    let n = model.mechanics.nv();
+    let steps = (arguments.duration.unwrap_or(10.0) / arguments.sample).round();
+    if steps > MOST_SAMPLES {
+        return Err(Error::Problems(Problems {
+            source: "--duration".into(),
+            list: vec![Problem::general(format!(
+                "{steps:e} samples are too many: take a shorter duration or a longer --sample"
+            ))],
+        }));
+    }
+    let t: Vec<f64> = (0..=steps as usize)
+        .map(|k| k as f64 * arguments.sample)
+        .collect();
+    let zeros = vec![0.0; t.len()];
+    Ok(Run {
+        id: "0".into(),
+        q: model
+            .sensors
+            .iter()
+            .map(|s| vec![s.zero; t.len()])
+            .collect(),
+        v: vec![Some(zeros.clone()); n],
+        u: vec![zeros; model.inputs.len()],
+        t,
+    })
+}
+
+/// Leaves the first `duration` s.
+fn shorten(run: &mut Run, duration: f64) {
+    let Some(&start) = run.t.first() else {
+        return;
+    };
+    // Half a microsecond of grace: a sample at the very end stays in spite of rounding.
+    let count = run.t.partition_point(|t| t - start <= duration + 5e-7);
+    run.t.truncate(count);
+    for column in run.q.iter_mut().chain(&mut run.u) {
+        column.truncate(count);
+    }
+    for column in run.v.iter_mut().flatten() {
+        column.truncate(count);
+    }
+}
+
+fn header(model: &Model, with_run: bool) -> String {
+    let mut names = vec!["t".to_owned()];
+    for signal in ["q", "v"] {
+        let coordinates = model.mechanics.coordinates();
+        names.extend(coordinates.iter().map(|c| format!("{signal}.{}", c.name)));
+    }
+    names.extend(model.inputs.iter().map(|input| format!("u.{}", input.name)));
+    if with_run {
+        names.push("run".into());
+    }
+    names.join(",") + "\n"
+}
+
+fn write_rows(
+    text: &mut Vec<u8>,
+    model: &Model,
+    run: &Run,
+    id: Option<&str>,
+    states: &[Vec<f64>],
+) -> Result<(), Error> {
+    let mut writer = csv::Writer::from_writer(text);
+    let mut record = csv::StringRecord::new();
+    let n = model.mechanics.nv();
+    for (k, (state, t)) in states.iter().zip(&run.t).enumerate() {
+        record.clear();
+        record.push_field(&t.to_string());
+        let (q, v) = state.split_at(n);
+        for (q, sensor) in q.iter().zip(&model.sensors) {
+            record.push_field(&(q + sensor.zero).to_string());
+        }
+        for v in v {
+            record.push_field(&v.to_string());
+        }
+        for u in run.u.iter().filter_map(|column| column.get(k)) {
+            record.push_field(&u.to_string());
+        }
+        if let Some(id) = id {
+            record.push_field(id);
+        }
+        writer
+            .write_record(&record)
+            .map_err(|e| Error::io(std::path::Path::new("memory"), e.into()))?;
+    }
+    writer
+        .flush()
+        .map_err(|e| Error::io(std::path::Path::new("memory"), e))
+}

@@ -1,0 +1,252 @@
+//! How far free runs get from measurements: errors over many windows of a log, per coordinate, as in the paper.
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::Error;
+use crate::free_run::{FreeRun, Initial, LONGEST_STEP, initial_states};
+use crate::hybrid::Hybrid;
+use crate::log::{Log, Run};
+use crate::model::{Model, Velocity};
+use crate::shooting::{Trajectory, wrap_angle};
+
+/// What to evaluate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Length of a window, s.
+    pub horizon: f64,
+    /// Number of windows, spread evenly over the logs; fewer when there are not so many different ones.
+    pub windows: usize,
+    /// Initial state of each window.
+    pub initial: Initial,
+    /// Longest integration step, s.
+    pub longest_step: f64,
+}
+
+impl Default for Options {
+    /// The paper's: 1000 windows of 0.6 s from measured states.
+    fn default() -> Self {
+        Options {
+            horizon: 0.6,
+            windows: 1000,
+            initial: Initial::Measured,
+            longest_step: LONGEST_STEP,
+        }
+    }
+}
+
+/// Errors of free runs, simulated less measured, over all samples of all windows but the first of each.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Evaluation {
+    /// Length of a window, s.
+    pub horizon_s: f64,
+    /// Number of windows.
+    pub windows: usize,
+    /// How many of them diverged; they are not in the errors.
+    pub diverged: usize,
+    /// Positions, then those velocities that the logs have.
+    pub coordinates: Vec<SignalError>,
+}
+
+/// The error of one signal.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SignalError {
+    /// `q.<joint>` or `v.<joint>`.
+    pub name: String,
+    /// SI unit of the three errors.
+    pub unit: String,
+    /// Mean of the absolute error.
+    pub mae: f64,
+    /// Root of the mean squared error.
+    pub rmse: f64,
+    /// Standard deviation of the error about its mean.
+    pub std: f64,
+}
+
+/// A measured signal.
+#[derive(Clone, Copy)]
+struct Channel {
+    coordinate: usize,
+    velocity: bool,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    count: f64,
+    sum: f64,
+    absolute: f64,
+    squares: f64,
+}
+
+/// Runs `model` freely over windows of `logs`. A velocity that the model calls a backward difference is compared with the backward
+/// difference of the simulated positions.
+///
+/// # Errors
+/// [`Error::NoWindow`] when no recording is long enough; [`Error::Unfittable`] when every window diverges.
+pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evaluation, Error> {
+    let runs: Vec<&Run> = logs.iter().flat_map(|log| &log.runs).collect();
+    let starts = starts(&runs, options);
+    if starts.is_empty() {
+        return Err(Error::NoWindow {
+            horizon: options.horizon,
+        });
+    }
+    let channels = channels(model, &runs);
+    let hybrid = Hybrid::of(model);
+    let prepared: Vec<(FreeRun, Vec<Vec<f64>>)> = runs
+        .iter()
+        .map(|run| {
+            (
+                FreeRun::new(&hybrid, &run.t, &run.u, options.longest_step),
+                initial_states(model, run, options.initial),
+            )
+        })
+        .collect();
+    // Sums of each window, put together in the order of the windows: the same bits for any number of threads.
+    let sums: Vec<Option<Vec<Sums>>> = starts
+        .par_iter()
+        .map_init(Trajectory::default, |trajectory, &(run, first, count)| {
+            let (free_run, initial) = prepared.get(run)?;
+            let mut roller = free_run.roller();
+            free_run
+                .roll(&mut roller, (first, count), initial.get(first)?, trajectory)
+                .then(|| window_sums(model, runs[run], first, &trajectory.states, &channels))
+        })
+        .collect();
+    let diverged = sums.iter().filter(|window| window.is_none()).count();
+    if diverged == starts.len() {
+        return Err(Error::Unfittable {
+            diverged,
+            windows: starts.len(),
+        });
+    }
+    let mut total = vec![Sums::default(); channels.len()];
+    for window in sums.into_iter().flatten() {
+        for (total, part) in total.iter_mut().zip(window) {
+            total.count += part.count;
+            total.sum += part.sum;
+            total.absolute += part.absolute;
+            total.squares += part.squares;
+        }
+    }
+    let coordinates = model.mechanics.coordinates();
+    let signal = |(channel, sums): (&Channel, &Sums)| {
+        let coordinate = coordinates.get(channel.coordinate)?;
+        let (mean, square) = (sums.sum / sums.count, sums.squares / sums.count);
+        Some(SignalError {
+            name: format!(
+                "{}.{}",
+                if channel.velocity { "v" } else { "q" },
+                coordinate.name
+            ),
+            unit: format!(
+                "{}{}",
+                coordinate.unit(),
+                if channel.velocity { "/s" } else { "" }
+            ),
+            mae: sums.absolute / sums.count,
+            rmse: square.sqrt(),
+            std: (square - mean * mean).max(0.0).sqrt(),
+        })
+    };
+    Ok(Evaluation {
+        horizon_s: options.horizon,
+        windows: starts.len(),
+        diverged,
+        coordinates: channels.iter().zip(&total).filter_map(signal).collect(),
+    })
+}
+
+/// All positions, and the velocities that every recording has.
+fn channels(model: &Model, runs: &[&Run]) -> Vec<Channel> {
+    let n = model.mechanics.nv();
+    let channel = |velocity| {
+        move |coordinate| Channel {
+            coordinate,
+            velocity,
+        }
+    };
+    let measured = |c: &usize| {
+        runs.iter()
+            .all(|run| run.v.get(*c).is_some_and(Option::is_some))
+    };
+    (0..n)
+        .map(channel(false))
+        .chain((0..n).filter(measured).map(channel(true)))
+        .collect()
+}
+
+/// (run, first sample, number of samples) of the windows: evenly spread over all that are possible. No window spans a gap of more
+/// than ten typical sample intervals.
+fn starts(runs: &[&Run], options: &Options) -> Vec<(usize, usize, usize)> {
+    let mut possible = Vec::new();
+    for (index, run) in runs.iter().enumerate() {
+        let mut intervals: Vec<f64> = run.t.windows(2).map(|p| p[1] - p[0]).collect();
+        intervals.sort_by(f64::total_cmp);
+        let Some(&typical) = intervals.get(intervals.len() / 2) else {
+            continue;
+        };
+        let steps = (options.horizon / typical).round().max(1.0);
+        if steps >= run.len() as f64 {
+            continue;
+        }
+        let count = steps as usize + 1;
+        let mut since_gap = 0; // samples since the last gap, this one included
+        for k in 0..run.len() {
+            let gap = k > 0 && run.t[k] - run.t[k - 1] > 10.0 * typical;
+            since_gap = if gap { 1 } else { since_gap + 1 };
+            if since_gap >= count {
+                possible.push((index, k + 1 - count, count));
+            }
+        }
+    }
+    let n = options.windows.min(possible.len());
+    (0..n)
+        .filter_map(|i| possible.get(i * possible.len() / n).copied())
+        .collect()
+}
+
+/// Errors at every sample of a window but the first.
+fn window_sums(
+    model: &Model,
+    run: &Run,
+    first: usize,
+    states: &[f64],
+    channels: &[Channel],
+) -> Vec<Sums> {
+    let n = model.mechanics.nv();
+    let coordinates = model.mechanics.coordinates();
+    let state = |k: usize| &states[2 * n * k..2 * n * (k + 1)];
+    channels
+        .iter()
+        .map(
+            |&Channel {
+                 coordinate: c,
+                 velocity,
+             }| {
+                let (sensor, wraps) = (&model.sensors[c], coordinates[c].wraps);
+                let on_circle = |x: f64| if wraps { wrap_angle(x) } else { x };
+                let mut sums = Sums::default();
+                for k in 1..states.len() / (2 * n) {
+                    let error = match (velocity, &run.v[c]) {
+                        (true, Some(measured)) => {
+                            let simulated = if sensor.velocity == Velocity::BackwardDifference {
+                                let h = run.t[first + k] - run.t[first + k - 1];
+                                (state(k)[c] - state(k - 1)[c]) / h
+                            } else {
+                                state(k)[n + c]
+                            };
+                            simulated - measured[first + k]
+                        }
+                        _ => on_circle(state(k)[c] + sensor.zero - run.q[c][first + k]),
+                    };
+                    sums.count += 1.0;
+                    sums.sum += error;
+                    sums.absolute += error.abs();
+                    sums.squares += error * error;
+                }
+                sums
+            },
+        )
+        .collect()
+}

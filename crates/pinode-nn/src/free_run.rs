@@ -1,0 +1,162 @@
+//! Free runs: the model rolled out from an initial state under recorded inputs, without being corrected by measurements.
+//!
+//! Classical Runge-Kutta, the input held over each sample interval, the effects of the drive applied to it.
+
+use crate::Error;
+use crate::diagnose::smooth::smooth;
+use crate::hybrid::{DrivenInputs, Hybrid};
+use crate::log::Run;
+use crate::model::Model;
+use crate::shooting::{ObservedRun, Roller, Trajectory, wrap_angle};
+
+/// Integration steps are not longer than this unless asked for, s.
+pub const LONGEST_STEP: f64 = 1e-3;
+/// Half the stretch that an estimated state is fitted to, s; at least three samples on either side are used.
+const SMOOTHING: f64 = 0.03;
+
+/// Where the initial state of a free run comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Initial {
+    /// The measured positions and velocities; a velocity that is not measured is the difference of the neighbouring positions.
+    Measured,
+    /// Cubics fitted to the positions around the sample.
+    Estimated,
+}
+
+/// The states (q, v) of a run from which free runs can start: one row a sample.
+pub fn initial_states(model: &Model, run: &Run, kind: Initial) -> Vec<Vec<f64>> {
+    let coordinates = model.mechanics.coordinates();
+    let wraps: Vec<bool> = coordinates.iter().map(|c| c.wraps).collect();
+    let q: Vec<Vec<f64>> = run
+        .q
+        .iter()
+        .zip(&model.sensors)
+        .map(|(column, sensor)| column.iter().map(|q| q - sensor.zero).collect())
+        .collect();
+    match kind {
+        Initial::Estimated => {
+            let observed = ObservedRun {
+                t: run.t.clone(),
+                u: Vec::new(),
+                valid: vec![vec![true; run.len()]; q.len()],
+                y: q,
+            };
+            let smoothed = smooth(&observed, coordinates.len(), &wraps, SMOOTHING);
+            (0..run.len()).map(|k| smoothed.state(k)).collect()
+        }
+        Initial::Measured => {
+            let v: Vec<Vec<f64>> = q
+                .iter()
+                .zip(&run.v)
+                .zip(&wraps)
+                .map(|((q, v), &wraps)| match v {
+                    Some(v) => v.clone(),
+                    None => differences(&run.t, q, wraps),
+                })
+                .collect();
+            (0..run.len())
+                .map(|k| q.iter().chain(&v).map(|column| column[k]).collect())
+                .collect()
+        }
+    }
+}
+
+/// (q_{k+1} − q_{k−1}) / (t_{k+1} − t_{k−1}), one-sided at the ends.
+fn differences(t: &[f64], q: &[f64], wraps: bool) -> Vec<f64> {
+    let last = t.len().saturating_sub(1);
+    (0..t.len())
+        .map(|k| {
+            let (a, b) = (k.saturating_sub(1), (k + 1).min(last));
+            let step = q[b] - q[a];
+            let step = if wraps { wrap_angle(step) } else { step };
+            if b > a { step / (t[b] - t[a]) } else { 0.0 }
+        })
+        .collect()
+}
+
+/// Steps per sample interval for steps of at most `longest` s over the sample times `t`.
+pub fn substeps(t: &[f64], longest: f64) -> usize {
+    let interval = t.windows(2).map(|p| p[1] - p[0]).fold(0.0, f64::max);
+    // A gap in a log does not make the steps between all other samples minute: they stay bounded.
+    ((interval / longest).ceil() as usize).clamp(1, 1000)
+}
+
+/// The model over one recording.
+pub struct FreeRun<'a> {
+    hybrid: &'a Hybrid,
+    theta: Vec<f64>,
+    inputs: DrivenInputs,
+}
+
+impl<'a> FreeRun<'a> {
+    /// Under the inputs `u` (one column each) at times `t`, with integration steps of at most `longest_step` s.
+    pub fn new(hybrid: &'a Hybrid, t: &[f64], u: &[Vec<f64>], longest_step: f64) -> Self {
+        let theta = hybrid.theta();
+        let inputs = hybrid.drive(t, u, substeps(t, longest_step), &theta, &[]);
+        FreeRun {
+            hybrid,
+            theta,
+            inputs,
+        }
+    }
+
+    /// What rolls out on one thread.
+    pub fn roller(&self) -> Roller<'a> {
+        Roller::new(self.hybrid, &[])
+    }
+
+    /// States (q, v), one after the other, at `count` samples from `first` on; as many as stayed finite.
+    pub fn roll(
+        &self,
+        roller: &mut Roller,
+        (first, count): (usize, usize),
+        initial: &[f64],
+        out: &mut Trajectory,
+    ) -> bool {
+        roller
+            .roll(&self.theta, &self.inputs, (first, count), initial, out)
+            .is_ok()
+    }
+}
+
+/// The model from `initial` (q, v) over the times `t` under the inputs `u`: one state a sample.
+///
+/// # Errors
+/// [`Error::Diverged`], with the last time that was reached; `run` is what the recording is called there.
+pub fn simulate(
+    model: &Model,
+    run: &str,
+    t: &[f64],
+    u: &[Vec<f64>],
+    initial: &[f64],
+    longest_step: f64,
+) -> Result<Vec<Vec<f64>>, Error> {
+    if t.is_empty() {
+        return Ok(Vec::new());
+    }
+    let hybrid = Hybrid::of(model);
+    let free_run = FreeRun::new(&hybrid, t, u, longest_step);
+    let mut trajectory = Trajectory::default();
+    let whole = free_run.roll(
+        &mut free_run.roller(),
+        (0, t.len()),
+        initial,
+        &mut trajectory,
+    );
+    let states: Vec<Vec<f64>> = trajectory
+        .states
+        .chunks(initial.len().max(1))
+        .map(<[f64]>::to_vec)
+        .collect();
+    if whole {
+        Ok(states)
+    } else {
+        Err(Error::Diverged {
+            run: run.to_owned(),
+            time: t
+                .get(states.len().saturating_sub(1))
+                .copied()
+                .unwrap_or_default(),
+        })
+    }
+}
