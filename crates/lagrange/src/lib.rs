@@ -1,4 +1,106 @@
-#![doc = "Equations of motion from energies, by dual numbers."]
+//! Equations of motion from energies, by dual numbers.
+//!
+//! A mechanism is its kinetic energy T(q, v) and its potential energy V(q). From these, evaluated on numbers that carry exact
+//! derivatives, follow with L = T − V and d/dt ∂L/∂v − ∂L/∂q = Q its equations of motion
+//!
+//! **M(q) v̇ + C(q, v) v + G(q) = Q**
+//!
+//! | symbol | what | call of [`Mechanics`] |
+//! |---|---|---|
+//! | M | mass matrix, symmetric and positive definite: T = ½ vᵀ M v | [`mass_matrix`](Mechanics::mass_matrix) |
+//! | C | Christoffel's matrix, for which Ṁ − 2C is skew | [`coriolis_matrix`](Mechanics::coriolis_matrix) |
+//! | G | +∂V/∂q, on the left-hand side: the force that holds the mechanism still | [`gravity_force`](Mechanics::gravity_force) |
+//! | C v + G | bias force, on the left-hand side | [`bias_force`](Mechanics::bias_force) |
+//! | Q | generalized force, on the right-hand side: all that T and V do not contain | [`inverse_dynamics`](Mechanics::inverse_dynamics) |
+//! | v̇ | acceleration, M⁻¹ (Q − C v − G) | [`forward_dynamics`](Mechanics::forward_dynamics) |
+//!
+//! Units are SI: m, rad, kg, s, N, N·m, J. v is dq/dt, one velocity a coordinate. The energy T + V changes at the rate Q · v.
+//!
+//! # From a URDF
+//!
+//! Standard gravity points along −z of the root link; [`urdf::Options`] changes that. Friction and damping of `<dynamics>` are no
+//! energies: they are listed in [`urdf::Urdf::joint_dynamics`].
+//!
+//! ```
+//! use lagrange::{Dynamics, Mechanics, urdf};
+//!
+//! let text = r#"<robot name="crane">
+//!   <link name="rail"/>
+//!   <link name="trolley"><inertial><mass value="2"/>
+//!     <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+//!   <joint name="slide" type="prismatic"><parent link="rail"/><child link="trolley"/><axis xyz="1 0 0"/>
+//!     <limit lower="-1" upper="1" effort="10" velocity="1"/></joint>
+//!   <link name="load"><inertial><origin xyz="0 0 -1.5"/><mass value="4"/>
+//!     <inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>
+//!   <joint name="rope" type="continuous"><parent link="trolley"/><child link="load"/><axis xyz="0 1 0"/></joint>
+//! </robot>"#;
+//! let urdf = urdf::read(text, &urdf::Options::default())?;
+//! let coordinates = urdf.tree.coordinates().to_vec();
+//! let crane = Dynamics::new(urdf.tree, coordinates)?;
+//! assert_eq!(crane.coordinates()[1].name, "rope");
+//!
+//! let q = [0.0, 0.0];
+//! assert_eq!(crane.mass_matrix(&q)?, nalgebra::dmatrix![6.0, -6.0; -6.0, 9.0]);
+//! // The trolley is pushed with 2 N: it starts with 1 m/s², and the load stays behind.
+//! let a = crane.forward_dynamics(&q, &[0.0, 0.0], &[2.0, 0.0])?;
+//! assert!((a[0] - 1.0).abs() < 1e-12 && (a[0] - 1.5 * a[1]).abs() < 1e-12);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # From energies as text
+//!
+//! ```
+//! use lagrange::{Dynamics, Mechanics, TextLagrangian, TextSource};
+//!
+//! let bead = TextLagrangian::new(&TextSource {
+//!     coordinates: vec!["s".into()],
+//!     kinetic: "0.5*m*s_dot^2*(1 + (2*c*s)^2)".into(), // on the wire z = c s²
+//!     potential: "m*g*c*s^2".into(),
+//!     parameters: [("m", 0.1), ("c", 2.0), ("g", 9.81)].map(|(name, x)| (name.into(), x)).to_vec(),
+//!     ..TextSource::default()
+//! })
+//! .map_err(|problems| problems[0].clone())?;
+//! let coordinates = bead.coordinates().to_vec();
+//! let bead = Dynamics::new(bead, coordinates)?;
+//! // C v = 4 m c² s ṡ²
+//! let coriolis = bead.coriolis_matrix(&[0.3], &[2.0])?[(0, 0)] * 2.0;
+//! assert!((coriolis - 4.0 * 0.1 * 4.0 * 0.3 * 4.0).abs() < 1e-14);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # From energies in Rust
+//!
+//! Generic over [`Scalar`], so that the same lines are evaluated on `f64` and on dual numbers.
+//!
+//! ```
+//! use lagrange::{Dynamics, Lagrangian, Mechanics, Scalar};
+//!
+//! /// A mass of 0.5 kg on a spring of 40 N/m and 0.3 m that swings: q = (length, angle from hanging).
+//! struct SwingingSpring;
+//!
+//! impl Lagrangian for SwingingSpring {
+//!     fn dof(&self) -> usize { 2 }
+//!     fn kinetic<D: Scalar>(&self, q: &[D], v: &[D]) -> D {
+//!         (v[0] * v[0] + q[0] * q[0] * v[1] * v[1]) * (0.5 * 0.5)
+//!     }
+//!     fn potential<D: Scalar>(&self, q: &[D]) -> D {
+//!         let stretch = q[0] - 0.3;
+//!         stretch * stretch * (0.5 * 40.0) - q[0] * q[1].cos() * (0.5 * 9.81)
+//!     }
+//! }
+//!
+//! let spring = Dynamics::of(SwingingSpring);
+//! // Hanging at rest, the spring is stretched by m g / k.
+//! let rest = [0.3 + 0.5 * 9.81 / 40.0, 0.0];
+//! assert!(spring.gravity_force(&rest)?.amax() < 1e-14);
+//! # Ok::<(), lagrange::Error>(())
+//! ```
+//!
+//! # In hot loops
+//!
+//! Every call has an `_into` twin that allocates nothing and takes the constants ([`Mechanics::parameters`]: mass scales of a URDF's
+//! bodies, parameters of a text) as an argument; [`Workspace`] is its memory, one a thread.
+//! [`inverse_dynamics_derivatives_into`](Mechanics::inverse_dynamics_derivatives_into) gives what gradients need.
 mod dynamics;
 pub mod equations;
 mod error;
@@ -6,8 +108,8 @@ mod expression;
 mod lagrangian;
 pub mod mechanism;
 mod scalar;
-pub mod urdf;
 mod text;
+pub mod urdf;
 
 pub use dynamics::{Dynamics, Mechanics};
 pub use equations::Workspace;

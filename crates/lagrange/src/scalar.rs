@@ -119,7 +119,13 @@ impl<T: DualNum<Primitive = f64> + Copy + Send + Sync> Scalar for T {
         DualNum::cosh(&self)
     }
     fn tanh(self) -> Self {
-        DualNum::tanh(&self)
+        // num-dual divides sinh by cosh, which is NaN once both overflow; beyond 20 the slope is below rounding.
+        let re = DualStruct::re(&self);
+        if re.abs() > 20.0 {
+            T::from(re.signum())
+        } else {
+            DualNum::tanh(&self)
+        }
     }
     fn exp(self) -> Self {
         DualNum::exp(&self)
@@ -135,5 +141,22 @@ impl<T: DualNum<Primitive = f64> + Copy + Send + Sync> Scalar for T {
     }
     fn powf(self, n: f64) -> Self {
         DualNum::powf(&self, n)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Scalar;
+    use num_dual::Dual64;
+
+    #[test]
+    fn tanh_of_a_large_dual_is_flat_and_not_nan() {
+        for x in [-1e4, -720.0, 720.0, 1e4] {
+            let y = Scalar::tanh(Dual64::new(x, 1.0));
+            assert_eq!((y.re, y.eps), (x.signum(), 0.0));
+        }
+        let below = Scalar::tanh(Dual64::new(19.99, 1.0));
+        let above = Scalar::tanh(Dual64::new(20.01, 1.0));
+        assert!((below.re - above.re).abs() < 1e-15 && (below.eps - above.eps).abs() < 1e-15);
     }
 }

@@ -1,8 +1,11 @@
 //! From energies to equations of motion, M(q) v̇ + C(q, v) v + G(q) = Q, by two routes.
 //!
-//! [`reference`](mod@reference) takes the Hessian of L over (q, v) by second-order dual numbers and is right for any L. The fast
-//! route, in [`fast`] and [`coriolis`], uses that T is quadratic in v. Tests hold the two together. [`derivatives`] gives the
-//! derivatives of the inverse dynamics, by third-order dual numbers.
+//! [`reference`](mod@reference) takes the Hessian of L over (q, v) by second-order dual numbers and is right for any L; G, the
+//! bias force and the inverse dynamics of the fast route are Euler–Lagrange with fewer evaluations, and right for any L as well.
+//! Its M is polarised and its C is Christoffel's, which both need that T is quadratic in v. The derivatives of the inverse
+//! dynamics come from third-order dual numbers. Tests hold the two routes together.
+//!
+//! [`Mechanics`](crate::Mechanics) is the way in; it takes the fast route where T is quadratic.
 
 pub(crate) mod coriolis;
 pub(crate) mod derivatives;
