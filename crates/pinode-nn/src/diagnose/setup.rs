@@ -15,6 +15,8 @@ pub const WINDOW_S: f64 = 0.6;
 pub const FEWEST_WINDOWS: usize = 8;
 /// The integration step starts at or below this, s.
 const COARSEST_STEP: f64 = 5e-3;
+/// Samples of a period of the motion that are kept, at least.
+const SAMPLES_PER_PERIOD: f64 = 24.0;
 /// The integration step is halved until that moves the roll-outs by less than this part of the noise.
 const STEP_ERROR: f64 = 0.1;
 /// At most so many integration steps per sample.
@@ -47,6 +49,8 @@ pub fn prepare(
         .fold(0.0, f64::max);
     let window = WINDOW_S.min(5.0 / frequency);
     let half_width = 0.06_f64.min(0.15 / frequency);
+    // Samples much closer than the motion needs cost time and say little more: their errors are the model's, not the sensor's.
+    let observations = observations.thinned(COARSEST_STEP.min(1.0 / (SAMPLES_PER_PERIOD * frequency)));
     let windows = Windows::cut(&observations, fit_runs, window);
     let needed = (FEWEST_WINDOWS, FEWEST_WINDOWS / 2);
     if windows.fit.len() < needed.0 || windows.held_out.len() < needed.1 {

@@ -55,9 +55,80 @@ pub struct Observations {
     pub runs: Vec<ObservedRun>,
 }
 
+impl Observations {
+    /// Every so many samples of each recording that they are about `interval` s apart, never closer than they were; the input between
+    /// two of them is the mean of what was held.
+    pub fn thinned(&self, interval: f64) -> Self {
+        Observations {
+            channels: self.channels.clone(),
+            runs: self.runs.iter().map(|run| run.thinned(interval)).collect(),
+        }
+    }
+}
+
+impl ObservedRun {
+    fn thinned(&self, interval: f64) -> Self {
+        let mut intervals: Vec<f64> = self.t.windows(2).map(|p| p[1] - p[0]).collect();
+        intervals.sort_by(f64::total_cmp);
+        let typical = intervals.get(intervals.len() / 2).copied().unwrap_or(1.0);
+        // Half a percent of tolerance: clocks jitter.
+        let factor = (1.005 * interval / typical).floor() as usize;
+        if factor < 2 {
+            return self.clone();
+        }
+        let kept: Vec<usize> = (0..self.t.len()).step_by(factor).collect();
+        let mean = |u: &[f64], from: usize, to: usize| {
+            let time = self.t[to] - self.t[from];
+            (from..to)
+                .map(|k| u[k] * (self.t[k + 1] - self.t[k]))
+                .sum::<f64>()
+                / time
+        };
+        let pick = |y: &[f64]| kept.iter().map(|&k| y[k]).collect();
+        ObservedRun {
+            t: pick(&self.t),
+            u: self
+                .u
+                .iter()
+                .map(|u| {
+                    let mut means: Vec<f64> =
+                        kept.windows(2).map(|p| mean(u, p[0], p[1])).collect();
+                    means.extend(kept.last().map(|&k| u[k]));
+                    means
+                })
+                .collect(),
+            y: self.y.iter().map(|y| pick(y)).collect(),
+            valid: self
+                .valid
+                .iter()
+                .map(|valid| kept.iter().map(|&k| valid[k]).collect())
+                .collect(),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn thinning_keeps_measurements_and_the_impulse_of_the_input() {
+        let t: Vec<f64> = (0..101).map(|k| k as f64 * 1e-3).collect();
+        let u: Vec<f64> = (0..101).map(|k| (k * k) as f64).collect();
+        let run = ObservedRun {
+            y: vec![u.clone()],
+            valid: vec![vec![true; 101]],
+            u: vec![u.clone()],
+            t,
+        };
+        let thin = run.thinned(5e-3);
+        assert_eq!(thin.t.len(), 21);
+        assert_eq!(thin.y[0][4], 400.0);
+        let impulse: f64 = u[..100].iter().map(|u| u * 1e-3).sum();
+        let thin_impulse: f64 = thin.u[0][..20].iter().map(|u| u * 5e-3).sum();
+        assert!((impulse - thin_impulse).abs() < 1e-9);
+        assert_eq!(run.thinned(1.5e-3), run);
+    }
 
     #[test]
     fn angles_differ_on_the_circle() {
