@@ -1,0 +1,425 @@
+//! The program as its users see it: streams, exit codes, numbers.
+#![cfg(feature = "cli")]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use serde_json::{Value, json};
+
+fn models() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models")
+}
+
+fn cartpole() -> String {
+    models()
+        .join("cartpole/cartpole.toml")
+        .display()
+        .to_string()
+}
+
+fn pinode(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_pinode"))
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+fn stdout_json(output: &Output) -> Value {
+    assert!(output.status.success(), "{}", stderr(output));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Writes `content` into a new folder, which lives as long as the first of the pair.
+fn file(name: &str, content: &str) -> (tempfile::TempDir, String) {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join(name);
+    std::fs::write(&path, content).unwrap();
+    let path = path.display().to_string();
+    (dir, path)
+}
+
+#[test]
+fn exit_codes_tell_failed_work_from_wrong_usage() {
+    assert_eq!(pinode(&["check", &cartpole()]).status.code(), Some(0));
+    assert_eq!(pinode(&["--version"]).status.code(), Some(0));
+    let failed = pinode(&["check", "no-such-model.toml"]);
+    assert_eq!(failed.status.code(), Some(1));
+    assert!(failed.stdout.is_empty());
+    assert!(stderr(&failed).contains("no-such-model.toml"));
+    for usage in [
+        &["chekc"][..],
+        &[],
+        &["check"],
+        &["check", "a", "--threads", "0"],
+        &["evaluate", "a.toml", "b.csv", "--horizon", "-1"],
+    ] {
+        let wrong = pinode(usage);
+        assert_eq!(wrong.status.code(), Some(2), "{usage:?}");
+        assert!(wrong.stdout.is_empty());
+    }
+}
+
+#[test]
+fn check_prints_the_mechanism_as_text_and_as_json() {
+    let text = pinode(&["check", &cartpole()]);
+    let text = String::from_utf8_lossy(&text.stdout).into_owned();
+    for words in [
+        "slider [m]",
+        "pole [rad, wraps]",
+        "cart: 0.466 kg",
+        "motor on slider",
+        "viscous_friction on pole: coefficient = 0.002 N·m·s/rad",
+    ] {
+        assert!(text.contains(words), "no {words:?} in\n{text}");
+    }
+    let document = stdout_json(&pinode(&["check", "--json", &cartpole()]));
+    assert_eq!(document["coordinates"][1]["name"], "pole");
+    assert_eq!(document["effects"][0]["target"], "slider");
+}
+
+#[test]
+fn quiet_leaves_stdout_and_stderr_empty() {
+    let output = pinode(&["check", "--quiet", &cartpole()]);
+    assert_eq!(output.status.code(), Some(0));
+    assert!(output.stdout.is_empty() && output.stderr.is_empty());
+}
+
+#[test]
+fn strict_refuses_an_inertia_that_no_body_has() {
+    let urdf = "<robot name='r'><link name='a'/><link name='b'><inertial><mass value='1'/>
+      <inertia ixx='1' iyy='1' izz='3' ixy='0' ixz='0' iyz='0'/></inertial></link>
+      <joint name='j' type='continuous'><parent link='a'/><child link='b'/></joint></robot>";
+    let (dir, _) = file("r.urdf", urdf);
+    let path = dir.path().join("r.toml");
+    std::fs::write(&path, "urdf = 'r.urdf'").unwrap();
+    let path = path.display().to_string();
+    let lenient = pinode(&["check", &path]);
+    assert_eq!(lenient.status.code(), Some(0));
+    assert!(String::from_utf8_lossy(&lenient.stdout).contains("1 warnings"));
+    assert_eq!(pinode(&["check", "--strict", &path]).status.code(), Some(1));
+}
+
+#[test]
+fn a_closed_pipe_is_no_failure() {
+    let states: Vec<Value> = (0..2000)
+        .map(|i| json!({ "q": [0.0, i], "v": [1.0, 2.0], "tau": [0.0, 0.0] }))
+        .collect();
+    let (_dir, path) = file("states.json", &json!({ "states": states }).to_string());
+    let mut child = Command::new(env!("CARGO_BIN_EXE_pinode"))
+        .args(["dynamics", &cartpole(), &path])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert!(output.stderr.is_empty());
+}
+
+#[test]
+fn all_faults_of_the_states_are_named() {
+    let states = r#"{"states": [
+        {"q": [0, 0], "v": [0, 0], "tau": [0, 0]},
+        {"q": [0], "v": [0, null], "tau": "none"},
+        {"q": [0, 0], "v": [0, 0]},
+        7
+    ]}"#;
+    let (_dir, path) = file("states.json", states);
+    let output = pinode(&["dynamics", &cartpole(), &path]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(output.stdout.is_empty());
+    let message = stderr(&output);
+    for words in [
+        "states[1].q has 1 entries, the model has 2 coordinates: slider, pole",
+        "states[1].v[1] is null, not a finite number",
+        "states[1].tau is not an array of numbers",
+        "states[2].tau is missing",
+        "states[3].q is missing",
+    ] {
+        assert!(message.contains(words), "no {words:?} in\n{message}");
+    }
+    for (broken, words) in [
+        ("{\"states\": [", "states.json:1:"),
+        ("[]", "no array `states`"),
+        ("{\"states\": [{\"q\": [1e999, 0]}]}", "number out of range"),
+    ] {
+        let (_dir, path) = file("states.json", broken);
+        let output = pinode(&["dynamics", &cartpole(), &path]);
+        assert_eq!(output.status.code(), Some(1));
+        assert!(stderr(&output).contains(words), "{}", stderr(&output));
+    }
+}
+
+#[test]
+fn mass_scales_reach_the_equations_of_motion() {
+    let model = |scale: f64| {
+        let folder = models()
+            .join("cartpole/cartpole.urdf")
+            .canonicalize()
+            .unwrap();
+        format!("urdf = {folder:?}\n[mass_scale]\ncart = {scale}\n")
+    };
+    let (_states_dir, states) = file(
+        "states.json",
+        r#"{"states": [{"q": [0, 0.3], "v": [0, 0], "tau": [0, 0]}]}"#,
+    );
+    let mass = |scale: f64| {
+        let (_dir, path) = file("m.toml", &model(scale));
+        let document = stdout_json(&pinode(&["dynamics", &path, &states]));
+        document["states"][0]["mass_matrix"][0][0].as_f64().unwrap()
+    };
+    assert!((mass(2.0) - mass(1.0) - 0.466).abs() < 1e-15);
+}
+
+#[test]
+fn a_simulated_log_is_met_exactly_by_its_own_model() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("t.csv").display().to_string();
+    let model = models().join("double_pendulum/double_pendulum_text.toml");
+    let model = model.display().to_string();
+    let simulated = pinode(&[
+        "simulate",
+        &model,
+        "--initial",
+        "2.5,-1,0,0.5",
+        "--duration",
+        "3",
+        "--out",
+        &out,
+        "--json",
+    ]);
+    assert_eq!(stdout_json(&simulated)["samples"], 301);
+    let document = stdout_json(&pinode(&[
+        "evaluate",
+        "--json",
+        &model,
+        &out,
+        "--windows",
+        "50",
+    ]));
+    assert_eq!(document["horizon_s"], 0.6);
+    assert_eq!(document["windows"], 50);
+    assert_eq!(document["diverged"], 0);
+    let signals = document["coordinates"].as_array().unwrap();
+    let names: Vec<&str> = signals
+        .iter()
+        .map(|c| c["name"].as_str().unwrap())
+        .collect();
+    assert_eq!(names, ["q.shoulder", "q.elbow", "v.shoulder", "v.elbow"]);
+    for signal in signals {
+        assert!(signal["rmse"].as_f64().unwrap() < 1e-9, "{signal}");
+    }
+    // Positions alone: the velocities are estimated, and small errors are left.
+    let estimated = stdout_json(&pinode(&[
+        "evaluate",
+        "--json",
+        &model,
+        &out,
+        "--windows",
+        "50",
+        "--initial",
+        "estimated",
+    ]));
+    let rmse = estimated["coordinates"][0]["rmse"].as_f64().unwrap();
+    assert!(rmse > 1e-9 && rmse < 0.05, "{rmse}");
+
+    // The log's initial state and inputs lead along the same trajectory.
+    let again = dir.path().join("again.csv").display().to_string();
+    let output = pinode(&["simulate", &model, "--log", &out, "--out", &again]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let last = |path: &str| -> Vec<f64> {
+        let text = std::fs::read_to_string(path).unwrap();
+        let line = text.lines().last().unwrap().to_owned();
+        line.split(',')
+            .take(5)
+            .map(|x| x.parse().unwrap())
+            .collect()
+    };
+    assert_eq!(last(&out), last(&again));
+}
+
+#[test]
+fn the_result_does_not_depend_on_the_number_of_threads() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("t.csv").display().to_string();
+    pinode(&[
+        "simulate",
+        &cartpole(),
+        "--initial",
+        "0,0.1,0,0",
+        "--duration",
+        "3",
+        "--out",
+        &out,
+    ]);
+    let evaluate = |threads: &str| {
+        pinode(&[
+            "evaluate",
+            "--json",
+            &cartpole(),
+            &out,
+            "--initial",
+            "estimated",
+            "--threads",
+            threads,
+        ])
+        .stdout
+    };
+    assert!(!evaluate("1").is_empty());
+    assert_eq!(evaluate("1"), evaluate("3"));
+}
+
+#[test]
+fn a_failed_simulation_writes_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("t.csv");
+    let path = out.display().to_string();
+    let wrong = pinode(&["simulate", &cartpole(), "--initial", "0,0", "--out", &path]);
+    assert_eq!(wrong.status.code(), Some(1));
+    assert!(stderr(&wrong).contains("q.slider,q.pole,v.slider,v.pole"));
+    let unstable =
+        "[lagrangian]\ncoordinates = ['x']\nkinetic = '0.5*x_dot^2'\npotential = '-x^4'\n";
+    let (_model_dir, model) = file("m.toml", unstable);
+    let diverged = pinode(&["simulate", &model, "--initial", "1,1", "--out", &path]);
+    assert_eq!(diverged.status.code(), Some(1));
+    assert!(
+        stderr(&diverged).contains("diverges"),
+        "{}",
+        stderr(&diverged)
+    );
+    assert!(!out.exists());
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn a_horizon_longer_than_the_log_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("t.csv").display().to_string();
+    pinode(&[
+        "simulate",
+        &cartpole(),
+        "--initial",
+        "0,0.1,0,0",
+        "--duration",
+        "1",
+        "--out",
+        &out,
+    ]);
+    let output = pinode(&["evaluate", &cartpole(), &out, "--horizon", "2"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        stderr(&output).contains("no window of 2 s"),
+        "{}",
+        stderr(&output)
+    );
+}
+
+/// Reference dynamics, a folder named by the environment: `<robot>.urdf` with `<robot>.json`, and `closed_<name>.json`.
+fn oracles() -> Option<PathBuf> {
+    let folder = std::env::var_os("PINODE_ORACLES").map(PathBuf::from);
+    if folder.is_none() {
+        eprintln!("SKIPPED: PINODE_ORACLES does not name a folder of reference dynamics");
+    }
+    folder
+}
+
+fn read_json(path: &Path) -> Value {
+    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+/// `pinode dynamics` on the states of an oracle gives its numbers.
+fn assert_agrees(model: &str, states: &Value, name: &str) {
+    let input: Vec<Value> = states
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|s| json!({ "q": s["q"], "v": s["v"], "tau": s["tau"] }))
+        .collect();
+    let (_dir, path) = file("states.json", &json!({ "states": input }).to_string());
+    let output = stdout_json(&pinode(&["dynamics", model, &path]));
+    for (i, expected) in states.as_array().unwrap().iter().enumerate() {
+        for (ours, theirs) in [
+            ("mass_matrix", "M"),
+            ("coriolis_matrix", "C_christoffel"),
+            ("gravity_force", "G"),
+            ("bias_force", "bias"),
+            ("acceleration", "qdd"),
+            ("kinetic_energy", "KE"),
+            ("potential_energy", "PE"),
+        ] {
+            let (a, b) = (flat(&output["states"][i][ours]), flat(&expected[theirs]));
+            assert_eq!(a.len(), b.len(), "{name} {ours}");
+            let size = b.iter().fold(1.0_f64, |m, x| m.max(x.abs()));
+            for (a, b) in a.iter().zip(&b) {
+                assert!(
+                    (a - b).abs() <= 1e-10 * size,
+                    "{name}[{i}] {ours}: {a} and {b}"
+                );
+            }
+        }
+    }
+}
+
+fn flat(value: &Value) -> Vec<f64> {
+    match value {
+        Value::Array(list) => list.iter().flat_map(flat).collect(),
+        other => vec![other.as_f64().unwrap()],
+    }
+}
+
+#[test]
+fn dynamics_of_urdfs_agree_with_another_engine() {
+    let Some(folder) = oracles() else { return };
+    for robot in ["cartpole_roehrl2020", "double_pendulum_continuous"] {
+        let urdf = folder.join(format!("{robot}.urdf"));
+        let (_dir, model) = file("m.toml", &format!("urdf = {urdf:?}\n"));
+        let oracle = read_json(&folder.join(format!("{robot}.json")));
+        assert_agrees(&model, &oracle["variants"]["fixed"]["states"], robot);
+    }
+}
+
+#[test]
+fn dynamics_of_energies_as_text_agree_with_closed_forms() {
+    let Some(folder) = oracles() else { return };
+    for name in [
+        "cartpole_table2",
+        "double_pendulum",
+        "elastic_pendulum",
+        "furuta_pendulum",
+        "spherical_pendulum",
+        "triple_pendulum_relative",
+    ] {
+        let oracle = read_json(&folder.join(format!("closed_{name}.json")));
+        let coordinates: Vec<&str> = oracle["coordinates"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|c| c.as_str().unwrap().trim_end_matches("(t)"))
+            .collect();
+        let formula = |key: &str| {
+            let mut text = oracle["lagrangian"][key]
+                .as_str()
+                .unwrap()
+                .replace("**", "^");
+            for c in &coordinates {
+                text = text.replace(&format!("Derivative({c}, t)"), &format!("{c}_dot"));
+            }
+            text
+        };
+        let mut model = format!(
+            "[lagrangian]\ncoordinates = {coordinates:?}\nkinetic = {:?}\npotential = {:?}\n[lagrangian.parameters]\n",
+            formula("T"),
+            formula("V")
+        );
+        for (parameter, value) in oracle["parameters"].as_object().unwrap() {
+            model.push_str(&format!("{parameter} = {value}\n"));
+        }
+        let (_dir, path) = file("m.toml", &model);
+        assert_agrees(&path, &oracle["states"], name);
+    }
+}
