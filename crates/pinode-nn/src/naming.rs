@@ -37,7 +37,7 @@ pub(crate) fn nearest<'a>(
 }
 
 /// `; nearest: x`, and all candidates when they are few; says so when there are none.
-pub(crate) fn hint<'a>(name: &str, what: &str, candidates: &[&'a str]) -> String {
+pub(crate) fn hint(name: &str, what: &str, candidates: &[&str]) -> String {
     match (nearest(name, candidates.iter().copied()), candidates.len()) {
         (None, _) => format!("; there are no {what}"),
         (Some(only), 1) => format!("; {what}: {}", quoted(only)),

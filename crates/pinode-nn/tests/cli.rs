@@ -1,4 +1,5 @@
 //! The program as its users see it: streams, exit codes, numbers.
+#![allow(clippy::unwrap_used)]
 #![cfg(feature = "cli")]
 
 use std::path::{Path, PathBuf};

@@ -39,7 +39,7 @@ pub(super) struct Arguments {
     /// Longest integration step, s
     #[arg(long, value_name = "S", default_value_t = LONGEST_STEP, value_parser = positive)]
     step: f64,
-    /// The trajectory, in the format of a log: what the sensors would read, without noise
+    /// The trajectory, in the format of a log: positions as the sensors would read them without noise, velocities of the model
     #[arg(long, value_name = "TRAJ.csv")]
     out: PathBuf,
 }

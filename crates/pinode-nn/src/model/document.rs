@@ -187,7 +187,7 @@ impl<'a> Section<'a> {
         self.entries()
             .into_iter()
             .filter_map(|(key, value)| {
-                let title = format!("[sensor.{}]", key.value);
+                let title = format!("[sensor.{}]", quoted(key.value).trim_matches('`'));
                 let section = as_section(key.value, value, title, faults)?;
                 Some((key, section))
             })
