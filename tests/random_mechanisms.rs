@@ -12,7 +12,7 @@ use lagrange::equations::reference;
 use lagrange::mechanism::Tree;
 use lagrange::urdf::Options;
 use lagrange::{Dynamics, InverseDynamicsDerivatives, Lagrangian, Mechanics};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Isometry3, Point3, Vector3};
 use num_dual::Dual64;
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -88,6 +88,37 @@ fn mass_rate(tree: &Tree, q: &[f64], v: &[f64]) -> DMatrix<f64> {
     })
 }
 
+/// T and V from the poses of the links: velocities are differences of fourth order along q̇ = v.
+fn energies_by_poses(tree: &Tree, q: &[f64], v: &[f64]) -> (f64, f64) {
+    let h = 1e-3;
+    let poses = |s: f64| {
+        let moved: Vec<f64> = q.iter().zip(v).map(|(q, v)| q + s * h * v).collect();
+        tree.link_poses(&moved).unwrap()
+    };
+    let around = [poses(-2.0), poses(-1.0), poses(1.0), poses(2.0)];
+    let (now, gravity) = (poses(0.0), Vector3::from(tree.gravity()));
+    let (mut kinetic, mut potential) = (0.0, 0.0);
+    for body in tree.bodies() {
+        let link = tree
+            .links()
+            .iter()
+            .position(|l| l.name == body.name)
+            .unwrap();
+        let centre = |poses: &[Isometry3<f64>]| (poses[link] * Point3::from(body.centre)).coords;
+        let turn =
+            |poses: &[Isometry3<f64>]| poses[link].rotation.to_rotation_matrix().into_inner();
+        let [a, b, c, d] = &around;
+        let velocity = ((centre(c) - centre(b)) * 8.0 - (centre(d) - centre(a))) / (12.0 * h);
+        let turning = ((turn(c) - turn(b)) * 8.0 - (turn(d) - turn(a))) / (12.0 * h);
+        // Rᵀ Ṙ is the matrix of ω ×.
+        let spin = turn(&now).transpose() * turning;
+        let w = Vector3::new(spin[(2, 1)], spin[(0, 2)], spin[(1, 0)]);
+        kinetic += 0.5 * body.mass * velocity.norm_squared() + 0.5 * w.dot(&(body.inertia * w));
+        potential -= body.mass * gravity.dot(&centre(&now));
+    }
+    (kinetic, potential)
+}
+
 /// The largest entry of a difference.
 fn gap(a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
     (a - b).amax()
@@ -150,7 +181,17 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(32))]
+    #![proptest_config(ProptestConfig::with_cases(96))]
+
+    #[test]
+    fn the_energies_are_those_of_the_moving_bodies(case in case()) {
+        let Case { mechanics, q, v, .. } = &case;
+        let (kinetic, potential) = energies_by_poses(mechanics.lagrangian(), q, v);
+        let found = mechanics.kinetic_energy(q, v).unwrap();
+        prop_assert!((found - kinetic).abs() <= 1e-8 * (1.0 + kinetic), "{found} {kinetic}");
+        let found = mechanics.potential_energy(q).unwrap();
+        prop_assert!((found - potential).abs() <= 1e-11 * (1.0 + potential.abs()), "{found} {potential}");
+    }
 
     #[test]
     fn derivatives_of_the_inverse_dynamics_are_those_of_differences(case in case()) {

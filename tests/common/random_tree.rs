@@ -22,18 +22,29 @@ pub struct RandomBody {
     spread: [f64; 3],
 }
 
-/// A body on a joint of one of `kinds`, on an oblique axis, with a rotated inertia.
+/// A body on a joint of one of `kinds`, with a rotated inertia. Axes are oblique or along x, y, z, and half of the frames are not
+/// turned, so that axes are often parallel or vertical.
 pub fn body(kinds: &'static [&'static str]) -> impl Strategy<Value = RandomBody> {
     let oblique = [-1.0..1.0, -1.0..1.0, -1.0..1.0];
-    let axis = oblique.prop_filter("too short to have a direction", |a| {
-        a.iter().map(|x| x * x).sum::<f64>() > 0.05
-    });
+    let axis = prop_oneof![
+        oblique.prop_filter("too short to have a direction", |a| {
+            a.iter().map(|x| x * x).sum::<f64>() > 0.05
+        }),
+        prop::sample::select(vec![
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [0.0, -1.0, 0.0],
+            [0.0, 0.0, 1.0],
+        ]),
+    ];
+    let rpy = prop_oneof![Just([0.0; 3]), triple(3.0)];
     let joint = (
         prop::sample::select(kinds),
         any::<Index>(),
         axis,
         triple(0.4),
-        triple(3.0),
+        rpy,
     );
     let inertia = (
         0.2..3.0,

@@ -47,6 +47,8 @@ pub trait Scalar:
     fn sin(self) -> Self;
     /// Cosine.
     fn cos(self) -> Self;
+    /// Sine and cosine.
+    fn sin_cos(self) -> (Self, Self);
     /// Tangent.
     fn tan(self) -> Self;
     /// Arc sine.
@@ -96,6 +98,9 @@ impl<T: DualNum<Primitive = f64> + Copy + Send + Sync> Scalar for T {
     }
     fn cos(self) -> Self {
         DualNum::cos(&self)
+    }
+    fn sin_cos(self) -> (Self, Self) {
+        DualNum::sin_cos(&self)
     }
     fn tan(self) -> Self {
         DualNum::tan(&self)

@@ -2,6 +2,7 @@
 
 mod inertia;
 mod joint;
+mod recursion;
 mod tree;
 
 pub use inertia::Inertia;

@@ -5,8 +5,9 @@ use std::ops::Range;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::joint::{Drive, JointSpec, coordinates, not_a_tree, z_to};
+use super::recursion::{Node, Rotation, Shortcuts};
 use super::{Inertia, Joint};
-use crate::{Coordinate, Error, Lagrangian, Parameter, Problem, Role, Scalar};
+use crate::{Coordinate, Error, Lagrangian, Parameter, Problem, Role};
 
 /// A tree of rigid bodies on a fixed base; immutable.
 ///
@@ -42,16 +43,16 @@ use crate::{Coordinate, Error, Lagrangian, Parameter, Problem, Role, Scalar};
 /// ```
 #[derive(Debug, Clone)]
 pub struct Tree {
-    coordinates: Vec<Coordinate>,
+    pub(super) coordinates: Vec<Coordinate>,
     bodies: Vec<Body>,
     joints: Vec<Joint>,
     links: Vec<Link>,
-    parameters: Vec<Parameter>,
-    gravity: [f64; 3],
-    pub(crate) nodes: Vec<Node>,
+    pub(super) parameters: Vec<Parameter>,
+    pub(super) gravity: [f64; 3],
+    pub(super) nodes: Vec<Node>,
     /// Children of all nodes, one stretch after the other; those of the world first.
-    children: Vec<usize>,
-    base_children: Range<usize>,
+    pub(super) children: Vec<usize>,
+    pub(super) base_children: Range<usize>,
 }
 
 /// A moving body: one or several links, welded together.
@@ -85,33 +86,6 @@ pub struct Link {
     /// Pose of the link in the body's frame (the world's, where there is no body).
     pose: Isometry3<f64>,
 }
-
-/// What the recursions need of a body; its frame has z along the joint's axis.
-#[derive(Debug, Clone)]
-pub(crate) struct Node {
-    pub parent: Option<usize>,
-    /// Columns: the axes of this frame at joint position 0, in the parent body's frame.
-    pub rotation: Rotation,
-    /// Origin of this frame at joint position 0, in the parent body's frame, m.
-    pub translation: Option<[f64; 3]>,
-    /// Rotation about z, else translation along z.
-    pub turns: bool,
-    pub coordinate: usize,
-    /// Joint position = ratio · coordinate + offset.
-    pub follow: Option<(f64, f64)>,
-    pub mass: f64,
-    /// m c, kg·m.
-    pub moment: [f64; 3],
-    /// xx, yy, zz, xy, xz, yz about the origin, kg·m².
-    pub inertia: [f64; 6],
-    /// Index of the mass scale; none where there is no mass.
-    pub parameter: Option<usize>,
-    /// Into `Tree::children`; the child with the largest subtree last.
-    pub children: Range<usize>,
-}
-
-/// A constant rotation, as rows of its transpose; none for the identity.
-pub(crate) type Rotation = Option<[[f64; 3]; 3]>;
 
 /// A link on the way into [`Tree::assemble`]; its inertia is in its own frame.
 pub(crate) struct LinkSpec {
@@ -154,12 +128,12 @@ impl Tree {
                 None => (parent, frame),
                 // Moved: a new body, whose frame has z along the axis.
                 Some((joint, drive)) => {
-                    let turn = z_to(&joints[joint].joint.axis);
+                    let (turn, rotation) = axes(&frame.rotation, &joints[joint].joint.axis);
                     seeds.push(Seed {
                         parent,
                         joint,
                         drive,
-                        rotation: frame.rotation.to_rotation_matrix() * turn,
+                        rotation,
                         translation: frame.translation.vector,
                         turn,
                         links: Vec::new(),
@@ -238,7 +212,7 @@ impl Tree {
         });
         let i = &seed.inertia.rotational;
         let p = seed.translation;
-        self.nodes.push(Node {
+        let mut node = Node {
             parent: seed.parent,
             rotation: transposed_rows(&seed.rotation),
             translation: (p != Vector3::zeros()).then_some([p.x, p.y, p.z]),
@@ -257,7 +231,11 @@ impl Tree {
             ],
             parameter,
             children: 0..0,
-        });
+            short: Shortcuts::default(),
+        };
+        let parent = seed.parent.and_then(|p| self.nodes.get(p));
+        node.short = Shortcuts::new(&node, parent, self.gravity);
+        self.nodes.push(node);
     }
 
     /// Lists the children of every body, the one with the largest subtree last: the recursions descend into that one without
@@ -351,248 +329,6 @@ impl Tree {
             .map(|link| link.body.map_or(link.pose, |b| poses[b] * link.pose))
             .collect())
     }
-
-    /// T of the bodies on the base, each weighed by `weight`.
-    fn kinetic_sum<D: Scalar>(&self, q: &[D], v: &[D], weight: &impl Fn(&Node, D) -> D) -> D {
-        let mut sum = D::zero();
-        for &child in &self.children[self.base_children.clone()] {
-            let node = &self.nodes[child];
-            let motion = node.motion_on_base(v);
-            sum = sum + self.kinetic_from(child, motion, q, v, weight);
-        }
-        sum
-    }
-
-    /// T of body `i`, which moves with `motion`, and of all that it carries.
-    fn kinetic_from<D: Scalar>(
-        &self,
-        mut i: usize,
-        mut motion: Motion<D>,
-        q: &[D],
-        v: &[D],
-        weight: &impl Fn(&Node, D) -> D,
-    ) -> D {
-        let mut sum = D::zero();
-        loop {
-            let node = &self.nodes[i];
-            if node.parameter.is_some() {
-                sum = sum + weight(node, node.kinetic(&motion));
-            }
-            let Some((&heaviest, others)) = self.children[node.children.clone()].split_last()
-            else {
-                return sum;
-            };
-            for &child in others {
-                let carried = self.nodes[child].motion(&motion, q, v);
-                sum = sum + self.kinetic_from(child, carried, q, v, weight);
-            }
-            motion = self.nodes[heaviest].motion(&motion, q, v);
-            i = heaviest;
-        }
-    }
-
-    /// V of all bodies, each weighed by `weight`.
-    fn potential_sum<D: Scalar>(&self, q: &[D], weight: &impl Fn(&Node, D) -> D) -> D {
-        let base = Fall {
-            g: self.gravity.map(D::constant),
-            at_origin: D::zero(),
-        };
-        let mut sum = D::zero();
-        for &child in &self.children[self.base_children.clone()] {
-            let fall = self.nodes[child].fall(&base, q);
-            sum = sum + self.potential_from(child, fall, q, weight);
-        }
-        sum
-    }
-
-    /// V of body `i`, in whose frame gravity is `fall`, and of all that it carries.
-    fn potential_from<D: Scalar>(
-        &self,
-        mut i: usize,
-        mut fall: Fall<D>,
-        q: &[D],
-        weight: &impl Fn(&Node, D) -> D,
-    ) -> D {
-        let mut sum = D::zero();
-        loop {
-            let node = &self.nodes[i];
-            if node.parameter.is_some() {
-                let along = fall.at_origin * node.mass + dot(&fall.g, &node.moment);
-                sum = sum + weight(node, -along);
-            }
-            let Some((&heaviest, others)) = self.children[node.children.clone()].split_last()
-            else {
-                return sum;
-            };
-            for &child in others {
-                let carried = self.nodes[child].fall(&fall, q);
-                sum = sum + self.potential_from(child, carried, q, weight);
-            }
-            fall = self.nodes[heaviest].fall(&fall, q);
-            i = heaviest;
-        }
-    }
-}
-
-impl Lagrangian for Tree {
-    fn dof(&self) -> usize {
-        self.coordinates.len()
-    }
-    fn kinetic<D: Scalar>(&self, q: &[D], v: &[D]) -> D {
-        self.kinetic_sum(q, v, &|_, energy| energy)
-    }
-    fn potential<D: Scalar>(&self, q: &[D]) -> D {
-        self.potential_sum(q, &|_, energy| energy)
-    }
-    fn parameters(&self) -> &[Parameter] {
-        &self.parameters
-    }
-    fn kinetic_with<D: Scalar>(&self, q: &[D], v: &[D], p: &[D]) -> D {
-        self.kinetic_sum(q, v, &|node, energy| node.scaled(energy, p))
-    }
-    fn potential_with<D: Scalar>(&self, q: &[D], p: &[D]) -> D {
-        self.potential_sum(q, &|node, energy| node.scaled(energy, p))
-    }
-}
-
-/// Angular velocity of a body and velocity of its frame's origin, in that frame.
-struct Motion<D> {
-    w: [D; 3],
-    v: [D; 3],
-}
-
-/// Gravity in a body's frame, and g·p of the frame's origin p.
-struct Fall<D> {
-    g: [D; 3],
-    at_origin: D,
-}
-
-impl Node {
-    /// Joint position (or, without its offset, velocity) from the coordinates.
-    fn position<D: Scalar>(&self, q: &[D]) -> D {
-        match self.follow {
-            None => q[self.coordinate],
-            Some((ratio, offset)) => q[self.coordinate] * ratio + offset,
-        }
-    }
-    fn rate<D: Scalar>(&self, v: &[D]) -> D {
-        match self.follow {
-            None => v[self.coordinate],
-            Some((ratio, _)) => v[self.coordinate] * ratio,
-        }
-    }
-
-    /// The motion when the parent is the world: the joint's own.
-    fn motion_on_base<D: Scalar>(&self, v: &[D]) -> Motion<D> {
-        let zero = [D::zero(); 3];
-        let along = [D::zero(), D::zero(), self.rate(v)];
-        if self.turns {
-            Motion { w: along, v: zero }
-        } else {
-            Motion { w: zero, v: along }
-        }
-    }
-
-    /// The motion, given the parent body's.
-    fn motion<D: Scalar>(&self, parent: &Motion<D>, q: &[D], v: &[D]) -> Motion<D> {
-        let at_joint = match &self.translation {
-            None => parent.v,
-            Some(p) => add(&parent.v, &cross(&parent.w, p)),
-        };
-        let w = unrotate(&self.rotation, &parent.w);
-        let at_joint = unrotate(&self.rotation, &at_joint);
-        let (position, rate) = (self.position(q), self.rate(v));
-        if self.turns {
-            let (sin, cos) = (position.sin(), position.cos());
-            let mut w = unturn(&w, sin, cos);
-            w[2] = w[2] + rate;
-            Motion {
-                w,
-                v: unturn(&at_joint, sin, cos),
-            }
-        } else {
-            // v + ω × z q + z q̇
-            let v = [
-                at_joint[0] + w[1] * position,
-                at_joint[1] - w[0] * position,
-                at_joint[2] + rate,
-            ];
-            Motion { w, v }
-        }
-    }
-
-    /// Gravity here, given gravity in the parent body.
-    fn fall<D: Scalar>(&self, parent: &Fall<D>, q: &[D]) -> Fall<D> {
-        let at_joint = match &self.translation {
-            None => parent.at_origin,
-            Some(p) => parent.at_origin + dot(&parent.g, p),
-        };
-        let g = unrotate(&self.rotation, &parent.g);
-        let position = self.position(q);
-        if self.turns {
-            Fall {
-                g: unturn(&g, position.sin(), position.cos()),
-                at_origin: at_joint,
-            }
-        } else {
-            Fall {
-                at_origin: at_joint + g[2] * position,
-                g,
-            }
-        }
-    }
-
-    /// ½ m v·v + v·(ω × h) + ½ ω·I ω.
-    fn kinetic<D: Scalar>(&self, motion: &Motion<D>) -> D {
-        let Motion { w, v } = motion;
-        let [xx, yy, zz, xy, xz, yz] = self.inertia;
-        let linear = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) * (0.5 * self.mass);
-        let wh = cross(w, &self.moment);
-        let mixed = v[0] * wh[0] + v[1] * wh[1] + v[2] * wh[2];
-        let angular = w[0] * (w[0] * (0.5 * xx) + w[1] * xy + w[2] * xz)
-            + w[1] * (w[1] * (0.5 * yy) + w[2] * yz)
-            + w[2] * w[2] * (0.5 * zz);
-        linear + mixed + angular
-    }
-
-    /// The energy of this body with its mass scale from `p`.
-    fn scaled<D: Scalar>(&self, energy: D, p: &[D]) -> D {
-        match self.parameter {
-            Some(k) => energy * p[k],
-            None => energy,
-        }
-    }
-}
-
-/// a · b.
-fn dot<D: Scalar>(a: &[D; 3], b: &[f64; 3]) -> D {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-/// a × b.
-fn cross<D: Scalar>(a: &[D; 3], b: &[f64; 3]) -> [D; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
-}
-
-fn add<D: Scalar>(a: &[D; 3], b: &[D; 3]) -> [D; 3] {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
-}
-
-/// Rᵀ x for a constant rotation R.
-fn unrotate<D: Scalar>(rotation: &Rotation, x: &[D; 3]) -> [D; 3] {
-    match rotation {
-        None => *x,
-        Some([a, b, c]) => [dot(x, a), dot(x, b), dot(x, c)],
-    }
-}
-
-/// Rᵀ x for the rotation about z by the angle of this sine and cosine.
-fn unturn<D: Scalar>(x: &[D; 3], sin: D, cos: D) -> [D; 3] {
-    [cos * x[0] + sin * x[1], cos * x[1] - sin * x[0], x[2]]
 }
 
 /// A body under construction: its frame has z along the axis, in which all of this is given.
@@ -607,6 +343,18 @@ struct Seed {
     turn: Rotation3<f64>,
     links: Vec<usize>,
     inertia: Inertia,
+}
+
+/// The rotations of a body's frame with z along `axis`, in its link's frame and in the frame that carries it, in which the link is
+/// turned by `link`. An axis parallel to z there (to rounding) leaves the frame as it is.
+fn axes(link: &UnitQuaternion<f64>, axis: &Vector3<f64>) -> (Rotation3<f64>, Rotation3<f64>) {
+    let link = link.to_rotation_matrix();
+    let carried = link * axis;
+    if carried.z > 0.0 && carried.x.abs() <= 1e-15 && carried.y.abs() <= 1e-15 {
+        return (link.inverse(), Rotation3::identity());
+    }
+    let turn = z_to(axis);
+    (turn, link * turn)
 }
 
 fn transposed_rows(rotation: &Rotation3<f64>) -> Rotation {
