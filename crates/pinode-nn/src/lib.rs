@@ -8,6 +8,8 @@ pub mod free_run;
 pub mod hybrid;
 pub mod log;
 pub mod model;
+#[cfg(feature = "cli")]
+pub mod report;
 pub mod shooting;
 
 mod disk;

@@ -1,0 +1,41 @@
+//! `report.html`: a diagnosis for people, in one file that needs no network.
+
+mod figures;
+mod page;
+mod words;
+
+use std::path::{Path, PathBuf};
+
+use askama::Template;
+
+use crate::Error;
+use crate::diagnose::curves::Curves;
+use crate::diagnose::verdict::Diagnosis;
+
+pub use words::verdict as verdict_in_words;
+
+/// Name of the report in its folder.
+pub const FILE_NAME: &str = "report.html";
+
+/// Writes `dir/report.html` whole or not at all, and returns its path. `model_toml` is the text of the new model, `command` what was
+/// typed; both are shown.
+///
+/// # Errors
+/// [`Error::Io`] when the folder cannot be written to.
+pub fn write(
+    dir: &Path,
+    diagnosis: &Diagnosis,
+    curves: &Curves,
+    model_toml: &str,
+    command: &str,
+) -> Result<PathBuf, Error> {
+    let path = dir.join(FILE_NAME);
+    let page = page::Page::new(diagnosis, curves, model_toml, command)
+        .render()
+        .map_err(|e| Error::io(&path, std::io::Error::other(e)))?;
+    crate::disk::write_atomically(&path, page.as_bytes())?;
+    Ok(path)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,350 @@
+use std::collections::BTreeMap;
+
+use super::*;
+use crate::diagnose::curves::{FreeRun, FreeRunCoordinate, ResidualForce};
+use crate::diagnose::verdict::*;
+
+fn evidence() -> Evidence {
+    Evidence {
+        z_fit: 14.2,
+        z_held_out: 8.1,
+        gain_fit: 2.31,
+        gain_held_out: 2.28,
+    }
+}
+
+fn name(kind: &str, target: &str) -> Name {
+    Name {
+        kind: kind.into(),
+        target: target.into(),
+    }
+}
+
+fn screened(kind: &str, target: &str, gain: f64) -> ScreenedName {
+    ScreenedName {
+        kind: kind.into(),
+        target: target.into(),
+        gain,
+        t2: 90.0 * gain,
+    }
+}
+
+/// A slider whose Coulomb friction the model did not have.
+fn diagnosis(slider: &str) -> Diagnosis {
+    let gap = |name: &str, unit: &str, before, after, noise| CoordinateGap {
+        name: format!("q.{name}"),
+        unit: unit.into(),
+        before,
+        after,
+        noise_floor: 1.0,
+        noise,
+    };
+    let place = |coordinate: &str, share, unit: &str| Disagreement {
+        coordinate: coordinate.into(),
+        share,
+        rms: 0.41 * share,
+        unit: unit.into(),
+        r#where: format!("follows the velocity of {slider} (83 % of its variance)"),
+        when: vec![[12.1, 14.0], [30.0, 31.5]],
+    };
+    Diagnosis {
+        verdict: Verdict::EffectsFound,
+        disagreement: vec![place(slider, 0.97, "N"), place("pole", 0.03, "N·m")],
+        effects: vec![NamedEffect {
+            kind: "coulomb_friction".into(),
+            target: slider.into(),
+            confidence: 0.98,
+            parameters: BTreeMap::from([(
+                "force".into(),
+                ParameterValue {
+                    value: 0.3124,
+                    std: Some(0.0104),
+                    unit: "N".into(),
+                },
+            )]),
+            alternatives: vec![Alternative {
+                kind: "stribeck_friction".into(),
+                target: slider.into(),
+                confidence: 0.02,
+            }],
+            indistinguishable_from: vec![name("asymmetric_coulomb_friction", slider)],
+            evidence: evidence(),
+        }],
+        gap: Gap {
+            horizon_s: 0.6,
+            windows: 24,
+            coordinates: vec![
+                gap(slider, "m", 16.1, 1.12, 1e-3),
+                gap("pole", "rad", 7.4, 1.04, 2e-3),
+            ],
+            before: 12.3,
+            after: 1.1,
+            noise_floor: 1.0,
+        },
+        data_faults: vec![DataFault {
+            kind: "outliers".into(),
+            column: "q.pole".into(),
+            when: (0..9).map(|k| [f64::from(k), f64::from(k)]).collect(),
+            detail: "9 of 3000 samples stand alone; they are left out of all fits".into(),
+        }],
+        advice: vec![format!(
+            "Drive {slider} slowly both ways, with equal inputs."
+        )],
+        constants: vec![FittedConstant {
+            name: "mass of cart".into(),
+            given: 0.466,
+            fitted: 0.4689,
+            std: Some(0.0021),
+        }],
+        search: vec![
+            SearchStep {
+                screened: vec![
+                    screened("coulomb_friction", slider, 2.4),
+                    screened("stribeck_friction", slider, 2.39),
+                    screened("input_delay", "motor", 0.4),
+                ],
+                refined: vec![
+                    RefinedName {
+                        names: vec![name("coulomb_friction", slider)],
+                        evidence: evidence(),
+                        wins: 0.98,
+                        accepted: true,
+                        numerical: false,
+                    },
+                    RefinedName {
+                        names: vec![
+                            name("quadratic_drag", slider),
+                            name("viscous_friction", "pole"),
+                        ],
+                        evidence: evidence(),
+                        wins: 0.0,
+                        accepted: false,
+                        numerical: true,
+                    },
+                ],
+            },
+            SearchStep {
+                screened: vec![screened("input_delay", "motor", 0.002)],
+                refined: vec![],
+            },
+        ],
+        provenance: Provenance {
+            version: "0.1.0".into(),
+            model: "models/cartpole/cartpole.toml".into(),
+            logs: vec![LogProvenance {
+                path: "logs/run1.csv".into(),
+                sha256: "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08".into(),
+                held_out: false,
+            }],
+            seed: 7,
+            windows: [72, 24],
+            window_s: 0.6,
+            substeps: 2,
+        },
+    }
+}
+
+/// A chirp that the model before runs away from, and friction against the velocity.
+fn curves(slider: &str) -> Curves {
+    let run = |index: usize| {
+        let start = 45.0 + index as f64;
+        let t: Vec<f64> = (0..900)
+            .map(|k| start - 0.3 + 0.001 * f64::from(k))
+            .collect();
+        let away = |t: f64, by: f64| by * (t - start).max(0.0).powi(2);
+        let drawn = |by: f64| FreeRunCoordinate {
+            measured: t
+                .iter()
+                .map(|t| 0.1 * (7.0 * t).sin() + 1e-3 * (1e5 * t).sin())
+                .collect(),
+            before: t
+                .iter()
+                .map(|&t| 0.1 * (7.0 * t).sin() + away(t, by))
+                .collect(),
+            after: t
+                .iter()
+                .map(|&t| 0.1 * (7.0 * t).sin() + away(t, 0.03 * by))
+                .collect(),
+        };
+        FreeRun {
+            run: 0,
+            start,
+            coordinates: vec![drawn(0.1 + 0.01 * index as f64), drawn(-0.2)],
+            t: t.clone(),
+        }
+    };
+    let t: Vec<f64> = (0..6000).map(|k| 0.01 * f64::from(k)).collect();
+    let v: Vec<f64> = t
+        .iter()
+        .map(|t| 0.4 * (2.0 * t + 0.02 * t * t).cos())
+        .collect();
+    let force = v
+        .iter()
+        .zip(&t)
+        .map(|(v, t)| -0.31 * (v / 0.01).tanh() + 0.1 * (12345.6 * t).sin())
+        .collect();
+    Curves {
+        free_runs: (0..5).map(run).collect(),
+        residuals: vec![ResidualForce {
+            coordinate: slider.into(),
+            unit: "N".into(),
+            t,
+            force,
+            explained_by: vec![
+                (format!("velocity of {slider}"), 0.83),
+                ("change of input motor over 80 ms".into(), 0.21),
+                ("time".into(), -0.01),
+            ],
+            best_signal: (format!("velocity of {slider}"), "m/s".into(), v),
+        }],
+    }
+}
+
+const MODEL: &str =
+    "name = \"cart-pole\"\n[[effect]]\nkind = \"coulomb_friction\"\nforce = 0.312\n";
+const COMMAND: &str =
+    "pinode diagnose models/cartpole/cartpole.toml logs/run1.csv --seed 7 --out out";
+
+/// The report as text, and what of it is not plotly.js.
+fn written(diagnosis: &Diagnosis, curves: &Curves) -> (String, String) {
+    let dir = tempfile::tempdir().unwrap();
+    let path = write(dir.path(), diagnosis, curves, MODEL, COMMAND).unwrap();
+    assert_eq!(path, dir.path().join("report.html"));
+    let all = std::fs::read_to_string(path).unwrap();
+    let own = all.replace(&figures::script(), "");
+    assert!(own.len() < all.len());
+    (all, own)
+}
+
+#[test]
+fn the_report_says_the_verdict_and_everything_it_rests_on() {
+    let (_, own) = written(&diagnosis("slider"), &curves("slider"));
+    for said in [
+        "Coulomb friction on `slider` is missing: 0.312 ± 0.010 N (98 %). \
+         Free-run error on unseen data falls from 12.3 to 1.10 times the sensor noise.",
+        "asymmetric Coulomb friction on slider",
+        "follows the velocity of slider (83 % of its variance)",
+        "97 % of the disagreement",
+        "quadratic drag on slider and viscous friction on pole",
+        "not added: its gain is numerical",
+        "mass of cart",
+        "0.4689 ± 0.0021",
+        "and 3 more",
+        "Drive slider slowly both ways",
+        "9f86d081884c7d65",
+        "--seed 7",
+        "force = 0.312",
+        "median improvement",
+        "largest error left",
+    ] {
+        assert!(own.contains(said), "{said}");
+    }
+    assert!(!own.contains("coulomb_friction on"));
+    assert_eq!(own.matches("Plotly.newPlot").count(), 2 * 2 + 3);
+}
+
+#[test]
+fn the_report_needs_no_network() {
+    let (all, own) = written(&diagnosis("slider"), &curves("slider"));
+    for outside in [
+        "src=\"", "href=\"", "url(", "@import", "http://", "https://",
+    ] {
+        assert!(!own.contains(outside), "{outside}");
+    }
+    assert!(own.contains("default-src 'none'")); // what plotly.js might load, the browser refuses
+    assert_eq!(all.matches("plotly.js v").count(), 1);
+}
+
+#[test]
+fn names_from_files_are_text_and_never_markup() {
+    let hostile = "</script><script>alert('1')</script><img src=x onerror=\"a()\">&lt;b&gt;";
+    let mut diagnosis = diagnosis(hostile);
+    diagnosis.provenance.model = hostile.into();
+    diagnosis.provenance.logs[0].path = hostile.into();
+    diagnosis.data_faults[0].detail = hostile.into();
+    diagnosis.constants[0].name = hostile.into();
+    let dir = tempfile::tempdir().unwrap();
+    let path = write(dir.path(), &diagnosis, &curves(hostile), hostile, hostile).unwrap();
+    let own = std::fs::read_to_string(path)
+        .unwrap()
+        .replace(&figures::script(), "");
+    assert!(!own.contains("<script>alert") && !own.contains("<img"));
+    assert!(own.contains("&#60;script&#62;alert"));
+    // One script a figure and the last one, and the names in it cannot end it.
+    let scripts = own.matches("<script").count();
+    assert_eq!(scripts, own.matches("</script>").count());
+    assert_eq!(scripts, own.matches("Plotly.newPlot").count() + 1);
+}
+
+#[test]
+fn what_was_not_measured_or_diverged_is_left_out() {
+    let (_, own) = written(&diagnosis("slider"), &Curves::default());
+    assert_eq!(own.matches("Plotly.newPlot").count(), 0);
+
+    let mut curves = curves("slider");
+    for run in &mut curves.free_runs {
+        run.coordinates[0].before.clear();
+        run.coordinates[1].after[800] = f64::NAN;
+    }
+    curves.residuals[0].force.fill(f64::NAN);
+    curves.residuals[0].explained_by.clear();
+    let mut diagnosis = diagnosis("slider");
+    diagnosis.gap.before = f64::INFINITY;
+    diagnosis.gap.coordinates[0].before = f64::INFINITY;
+    diagnosis.constants[0].given = 0.0;
+    diagnosis.effects[0].parameters.clear();
+    let (_, own) = written(&diagnosis, &curves);
+    assert!(own.contains("Free runs on unseen data diverged; now their error is 1.10"));
+    assert!(own.contains("error diverges before"));
+    assert!(!own.contains("NaN") && !own.contains("inf "));
+    assert_eq!(own.matches("Plotly.newPlot").count(), 4);
+}
+
+#[test]
+fn every_verdict_is_a_sentence() {
+    let mut d = diagnosis("slider");
+    let found = std::mem::take(&mut d.effects);
+
+    d.verdict = Verdict::NothingMissing;
+    d.gap.before = 1.02;
+    d.gap.after = 1.02;
+    assert_eq!(
+        verdict_in_words(&d),
+        "Nothing is missing: the model explains the data. Free-run error on unseen data is 1.02 times the sensor noise."
+    );
+    d.gap.after = f64::NAN;
+    d.verdict = Verdict::Unexplained;
+    assert_eq!(
+        verdict_in_words(&d),
+        "Something is missing on `slider` that no effect in the library explains."
+    );
+    d.effects = found.clone();
+    assert!(verdict_in_words(&d).contains("That is not all: something is left on `slider`"));
+    d.verdict = Verdict::DataFault;
+    assert_eq!(
+        verdict_in_words(&d),
+        "The data contradict themselves: outliers in `q.pole`. No physics can be named from them."
+    );
+    d.verdict = Verdict::EffectsFound;
+    d.effects.extend(found);
+    assert!(verdict_in_words(&d).starts_with(
+        "2 effects are missing: Coulomb friction on `slider`, 0.312 ± 0.010 N (98 %); Coulomb"
+    ));
+    written(&d, &curves("slider"));
+}
+
+#[test]
+fn an_earlier_report_is_replaced_whole_or_kept() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("report.html");
+    std::fs::write(&path, "earlier").unwrap();
+    let (d, c) = (diagnosis("slider"), curves("slider"));
+    write(dir.path(), &d, &c, MODEL, COMMAND).unwrap();
+    let text = std::fs::read_to_string(&path).unwrap();
+    assert!(text.starts_with("<!DOCTYPE html>") && text.trim_end().ends_with("</html>"));
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1); // no temporary left
+
+    let nowhere = dir.path().join("missing");
+    let error = write(&nowhere, &d, &c, MODEL, COMMAND).unwrap_err();
+    assert!(error.to_string().contains("missing"), "{error}");
+}

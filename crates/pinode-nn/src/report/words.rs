@@ -1,0 +1,303 @@
+//! Numbers and verdicts as people say them.
+
+use crate::diagnose::verdict::{Diagnosis, Gap, NamedEffect, ParameterValue, Verdict};
+
+/// A name of the library without its underscores: `coulomb_friction` is "Coulomb friction".
+pub fn plain(name: &str) -> String {
+    let words: Vec<&str> = name
+        .split('_')
+        .map(|word| match word {
+            "coulomb" => "Coulomb",
+            "stribeck" => "Stribeck",
+            "dahl" => "Dahl",
+            "lugre" => "LuGre",
+            other => other,
+        })
+        .collect();
+    match words.join(" ").as_str() {
+        "unknown" => "unknown effect".to_owned(),
+        words => words.to_owned(),
+    }
+}
+
+/// Three significant digits.
+pub fn number(x: f64) -> String {
+    if x.is_nan() {
+        return "–".to_owned();
+    }
+    if x.is_infinite() {
+        return if x > 0.0 { "∞" } else { "-∞" }.to_owned();
+    }
+    if x == 0.0 {
+        return "0".to_owned();
+    }
+    let exponent = exponent(x, 2);
+    if is_plain(exponent) {
+        fixed(x, 2 - exponent)
+    } else {
+        format!("{}{}", fixed(x / 10f64.powi(exponent), 2), power(exponent))
+    }
+}
+
+/// A number without zeros at its end, for what was set and not measured.
+pub fn short(x: f64) -> String {
+    let number = number(x);
+    match number.contains('.') && !number.contains('×') {
+        true => number
+            .trim_end_matches('0')
+            .trim_end_matches('.')
+            .to_owned(),
+        false => number,
+    }
+}
+
+/// A value with its standard error, both to the second digit of the error: `0.312 ± 0.010`. Without one, three digits.
+pub fn uncertain(value: f64, std: Option<f64>) -> String {
+    let Some(std) = std.filter(|s| s.is_finite() && *s > 0.0) else {
+        return number(value);
+    };
+    if !value.is_finite() {
+        return number(value);
+    }
+    let size = exponent(value.abs().max(std), 2);
+    // At most six digits, however small the error.
+    let last = (exponent(std, 1) - 1).max(size - 5);
+    if is_plain(size) {
+        format!("{} ± {}", fixed(value, -last), fixed(std, -last))
+    } else {
+        let scale = 10f64.powi(size);
+        let decimals = size - last;
+        let (value, std) = (fixed(value / scale, decimals), fixed(std / scale, decimals));
+        format!("({value} ± {std}){}", power(size))
+    }
+}
+
+/// `0.31 ± 0.01 N`; ratios have no unit.
+pub fn quantity(parameter: &ParameterValue) -> String {
+    with_unit(uncertain(parameter.value, parameter.std), &parameter.unit)
+}
+
+/// A number and its unit; the unit of a ratio is left out.
+pub fn with_unit(number: String, unit: &str) -> String {
+    match unit {
+        "" | "1" => number,
+        unit => format!("{number} {unit}"),
+    }
+}
+
+/// A probability or a share; never a false 0 or 100.
+pub fn percent(share: f64) -> String {
+    match 100.0 * share {
+        p if p.is_nan() => "–".to_owned(),
+        p if (99.5..100.0).contains(&p) => "> 99 %".to_owned(),
+        p if p > 0.0 && p < 0.5 => "< 1 %".to_owned(),
+        p => format!("{p:.0} %"),
+    }
+}
+
+/// The verdict in plain sentences.
+pub fn verdict(diagnosis: &Diagnosis) -> String {
+    let said = match diagnosis.verdict {
+        Verdict::EffectsFound => format!("{}.", missing(&diagnosis.effects)),
+        Verdict::NothingMissing => "Nothing is missing: the model explains the data.".to_owned(),
+        Verdict::Unexplained => unexplained(diagnosis),
+        Verdict::DataFault => data_fault(diagnosis),
+    };
+    match gap(&diagnosis.gap) {
+        Some(gap) => format!("{said} {gap}"),
+        None => said,
+    }
+}
+
+fn missing(effects: &[NamedEffect]) -> String {
+    match effects {
+        [] => "An effect is missing".to_owned(),
+        [one] => {
+            let said = format!(
+                "{} on `{}` is missing",
+                capital(&plain(&one.kind)),
+                one.target
+            );
+            match quantities(one) {
+                Some(quantities) => {
+                    format!("{said}: {quantities} ({})", percent(one.confidence))
+                }
+                None => format!("{said} ({})", percent(one.confidence)),
+            }
+        }
+        several => {
+            let said: Vec<String> = several
+                .iter()
+                .map(|e| {
+                    let quantities = quantities(e).map_or(String::new(), |q| format!(", {q}"));
+                    let (kind, target) = (plain(&e.kind), &e.target);
+                    format!(
+                        "{kind} on `{target}`{quantities} ({})",
+                        percent(e.confidence)
+                    )
+                })
+                .collect();
+            format!("{} effects are missing: {}", several.len(), said.join("; "))
+        }
+    }
+}
+
+/// The parameters of an effect; one needs no name.
+fn quantities(effect: &NamedEffect) -> Option<String> {
+    let single = effect.parameters.len() == 1;
+    let all: Vec<String> = effect
+        .parameters
+        .iter()
+        .map(|(name, p)| match single {
+            true => quantity(p),
+            false => format!("{} {}", plain(name), quantity(p)),
+        })
+        .collect();
+    (!all.is_empty()).then(|| all.join(", "))
+}
+
+fn unexplained(diagnosis: &Diagnosis) -> String {
+    let place = diagnosis
+        .disagreement
+        .first()
+        .map_or(String::new(), |d| format!(" on `{}`", d.coordinate));
+    match diagnosis.effects.as_slice() {
+        [] => format!("Something is missing{place} that no effect in the library explains."),
+        some => format!(
+            "{}. That is not all: something is left{place} that no effect in the library explains.",
+            missing(some)
+        ),
+    }
+}
+
+fn data_fault(diagnosis: &Diagnosis) -> String {
+    match diagnosis.data_faults.as_slice() {
+        [] => "The data contradict themselves: no physics can be named from them.".to_owned(),
+        [first, others @ ..] => {
+            let more = match others.len() {
+                0 => String::new(),
+                1 => ", and one more fault".to_owned(),
+                n => format!(", and {n} more faults"),
+            };
+            format!(
+                "The data contradict themselves: {} in `{}`{more}. No physics can be named from them.",
+                plain(&first.kind),
+                first.column
+            )
+        }
+    }
+}
+
+/// How the free-run error changed; nothing where it was not measured.
+fn gap(gap: &Gap) -> Option<String> {
+    const UNIT: &str = "times the sensor noise";
+    let (before, after) = (number(gap.before), number(gap.after));
+    if gap.after.is_nan() || gap.before.is_nan() {
+        return None;
+    }
+    let what = "Free-run error on unseen data";
+    Some(if gap.before.is_infinite() && gap.after.is_infinite() {
+        "Free runs on unseen data diverge.".to_owned()
+    } else if gap.before.is_infinite() {
+        format!("Free runs on unseen data diverged; now their error is {after} {UNIT}.")
+    } else if before == after {
+        format!("{what} is {after} {UNIT}.")
+    } else if gap.after < gap.before {
+        format!("{what} falls from {before} to {after} {UNIT}.")
+    } else {
+        format!("{what} rises from {before} to {after} {UNIT}.")
+    })
+}
+
+/// With a capital first letter.
+pub fn capital(words: &str) -> String {
+    let mut letters = words.chars();
+    match letters.next() {
+        Some(first) => first.to_uppercase().chain(letters).collect(),
+        None => String::new(),
+    }
+}
+
+/// Power of ten of `x` rounded to `digits` decimals of its mantissa; 0 for 0.
+fn exponent(x: f64, digits: usize) -> i32 {
+    let scientific = format!("{x:.digits$e}");
+    let exponent = scientific.split('e').nth(1);
+    exponent.and_then(|e| e.parse().ok()).unwrap_or(0)
+}
+
+/// Whether a number of this size is written out.
+fn is_plain(exponent: i32) -> bool {
+    (-3..6).contains(&exponent)
+}
+
+fn fixed(x: f64, decimals: i32) -> String {
+    format!("{x:.*}", usize::try_from(decimals).unwrap_or(0))
+}
+
+/// `×10⁻⁵`.
+fn power(exponent: i32) -> String {
+    let digits = exponent.to_string();
+    let raised = digits.chars().map(|c| match c {
+        '-' => '⁻',
+        '1' => '¹',
+        '2' => '²',
+        '3' => '³',
+        '4' => '⁴',
+        '5' => '⁵',
+        '6' => '⁶',
+        '7' => '⁷',
+        '8' => '⁸',
+        '9' => '⁹',
+        _ => '⁰',
+    });
+    "×10".chars().chain(raised).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_three_digits() {
+        assert_eq!(number(0.314159), "0.314");
+        assert_eq!(number(9.999), "10.0");
+        assert_eq!(number(-12.34), "-12.3");
+        assert_eq!(number(123456.0), "123456");
+        assert_eq!(number(1.234e-5), "1.23×10⁻⁵");
+        assert_eq!(number(0.0), "0");
+        assert_eq!(
+            (short(0.6), short(2.0), short(200.0)),
+            ("0.6".into(), "2".into(), "200".into())
+        );
+        assert_eq!(number(f64::NAN), "–");
+        assert_eq!(number(f64::INFINITY), "∞");
+    }
+
+    #[test]
+    fn the_error_decides_the_last_digit_of_the_value() {
+        assert_eq!(uncertain(0.3124, Some(0.0104)), "0.312 ± 0.010");
+        assert_eq!(uncertain(0.3124, Some(0.00996)), "0.312 ± 0.010");
+        assert_eq!(uncertain(1234.5, Some(56.0)), "1234 ± 56");
+        assert_eq!(uncertain(2.51e-5, Some(3e-7)), "(2.510 ± 0.030)×10⁻⁵");
+        assert_eq!(uncertain(1.0, Some(1e-12)), "1.00000 ± 0.00000");
+        assert_eq!(uncertain(0.5, None), "0.500");
+        assert_eq!(uncertain(0.5, Some(f64::NAN)), "0.500");
+    }
+
+    #[test]
+    fn certainty_is_not_rounded_to_certain() {
+        assert_eq!(percent(0.98), "98 %");
+        assert_eq!(percent(0.999), "> 99 %");
+        assert_eq!(percent(0.001), "< 1 %");
+        assert_eq!(percent(0.0), "0 %");
+    }
+
+    #[test]
+    fn names_lose_their_underscores_and_keep_their_capitals() {
+        assert_eq!(
+            plain("asymmetric_coulomb_friction"),
+            "asymmetric Coulomb friction"
+        );
+        assert_eq!(plain("lugre_friction"), "LuGre friction");
+    }
+}
