@@ -4,6 +4,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::equations::derivatives::inverse_dynamics_derivatives;
 use crate::equations::{Workspace, coriolis, fast, reference};
+use crate::trace::{Compiled, Registers};
 use crate::{Coordinate, Error, InverseDynamicsDerivatives, Lagrangian, Parameter};
 
 /// The equations of motion of one mechanism: M(q) v̇ + C(q, v) v + G(q) = Q.
@@ -216,6 +217,8 @@ pub struct Dynamics<L> {
     coordinates: Vec<Coordinate>,
     /// Whether T = ½ vᵀ M(q) v, so that the fast route holds.
     quadratic: bool,
+    /// The equations as programs, for a small mechanism whose energies do not branch.
+    compiled: Option<Compiled>,
 }
 
 impl<L: Lagrangian> Dynamics<L> {
@@ -228,12 +231,7 @@ impl<L: Lagrangian> Dynamics<L> {
                 expected: lagrangian.dof(),
             });
         }
-        let quadratic = is_quadratic(&lagrangian);
-        Ok(Dynamics {
-            lagrangian,
-            coordinates,
-            quadratic,
-        })
+        Ok(Self::build(lagrangian, coordinates))
     }
 
     /// The equations of a mechanism whose coordinates are called q0, q1, … and are displacements in m.
@@ -246,12 +244,32 @@ impl<L: Lagrangian> Dynamics<L> {
                 wraps: false,
             })
             .collect();
+        Self::build(lagrangian, coordinates)
+    }
+
+    fn build(lagrangian: L, coordinates: Vec<Coordinate>) -> Self {
         let quadratic = is_quadratic(&lagrangian);
+        let compiled = quadratic.then(|| Compiled::of(&lagrangian)).flatten();
         Dynamics {
             lagrangian,
             coordinates,
             quadratic,
+            compiled,
         }
+    }
+
+    /// The same equations by dual numbers alone, without the compiled programs that small mechanisms have: the other route to the
+    /// same numbers.
+    pub fn by_duals(self) -> Self {
+        Dynamics {
+            compiled: None,
+            ..self
+        }
+    }
+
+    /// Whether forward dynamics and the derivatives run as compiled programs.
+    pub fn is_compiled(&self) -> bool {
+        self.compiled.is_some()
     }
 
     /// The mechanism.
@@ -302,7 +320,7 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
     }
 
     fn workspace(&self) -> Workspace {
-        Workspace::new(self.lagrangian.dof(), self.lagrangian.parameters().len())
+        self.fresh_workspace()
     }
 
     fn kinetic_energy_with(&self, q: &[f64], v: &[f64], p: &[f64]) -> f64 {
@@ -376,13 +394,18 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         out: &mut DVector<f64>,
     ) -> Result<(), Error> {
         let mut mass = std::mem::take(&mut work.mass);
-        if self.quadratic {
-            fast::mass_matrix(&self.lagrangian, q, p, work, &mut mass);
-        } else {
-            mass.copy_from(&reference::equations_with(&self.lagrangian, q, v, p).mass_matrix);
-        }
         let mut bias = std::mem::take(&mut work.force);
-        fast::bias_force(&self.lagrangian, q, v, p, work, &mut bias);
+        if let Some(compiled) = &self.compiled {
+            compiled.equations(q, v, p, &mut work.registers, &mut mass, &mut bias);
+        } else {
+            if self.quadratic {
+                fast::mass_matrix(&self.lagrangian, q, p, work, &mut mass);
+            } else {
+                let at = reference::equations_with(&self.lagrangian, q, v, p);
+                mass.copy_from(&at.mass_matrix);
+            }
+            fast::bias_force(&self.lagrangian, q, v, p, work, &mut bias);
+        }
         *out -= &bias;
         work.force = bias;
         let solved = match Cholesky::new(mass) {
@@ -409,15 +432,34 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut InverseDynamicsDerivatives,
     ) {
-        inverse_dynamics_derivatives(&self.lagrangian, (q, v, a), p, constants, work, out);
+        match &self.compiled {
+            Some(compiled) => {
+                compiled.derivatives((q, v, a), p, constants, &mut work.registers, out);
+            }
+            None => {
+                inverse_dynamics_derivatives(&self.lagrangian, (q, v, a), p, constants, work, out);
+            }
+        }
     }
 }
 
 impl<L: Lagrangian> Dynamics<L> {
+    fn fresh_workspace(&self) -> Workspace {
+        let registers = match &self.compiled {
+            Some(compiled) => compiled.registers(),
+            None => Registers::default(),
+        };
+        Workspace::new(
+            self.lagrangian.dof(),
+            self.lagrangian.parameters().len(),
+            registers,
+        )
+    }
+
     /// Why the forward dynamics has no solution: the cold path behind a failed factorisation. Restores the workspace.
     fn no_acceleration(&self, q: &[f64], v: &[f64], p: &[f64], work: &mut Workspace) -> Error {
         let n = q.len();
-        *work = Workspace::new(n, p.len());
+        *work = self.fresh_workspace();
         for (what, vector) in [("q", q), ("v", v), ("p", p)] {
             if let Some(index) = vector.iter().position(|x| !x.is_finite()) {
                 return Error::NotFinite {

@@ -109,6 +109,7 @@ mod lagrangian;
 pub mod mechanism;
 mod scalar;
 mod text;
+mod trace;
 pub mod urdf;
 
 pub use dynamics::{Dynamics, Mechanics};

@@ -203,3 +203,108 @@ fn solving_with_the_last_factor_inverts_the_mass_matrix() {
     work.solve_mass(&mut identity);
     assert_relative_eq!(identity, DMatrix::identity(2, 2), epsilon = 1e-12);
 }
+
+proptest! {
+    #[test]
+    fn compiled_programs_equal_the_dual_numbers(q in pair(4.0), v in pair(9.0), a in pair(20.0), force in pair(3.0)) {
+        let compiled = cart_pole();
+        let duals = cart_pole().by_duals();
+        prop_assert!(compiled.is_compiled() && !duals.is_compiled());
+        assert_relative_eq!(
+            compiled.forward_dynamics(&q, &v, &force).unwrap(),
+            duals.forward_dynamics(&q, &v, &force).unwrap(),
+            max_relative = 1e-11, epsilon = 1e-11
+        );
+        let p = [0.5, 0.07, 0.01];
+        let mut at = [&compiled, &duals].map(|dynamics| {
+            let mut out = InverseDynamicsDerivatives::zeros(2, 2);
+            dynamics.inverse_dynamics_derivatives_into(&q, &v, &a, &p, &[2, 0], &mut dynamics.workspace(), &mut out);
+            out
+        });
+        let [x, y] = &mut at;
+        for (x, y) in [(&x.by_q, &y.by_q), (&x.by_v, &y.by_v), (&x.by_p, &y.by_p)] {
+            assert_relative_eq!(x, y, max_relative = 1e-11, epsilon = 1e-12);
+        }
+    }
+}
+
+/// Every function of the scalar, so that every rule of differentiation is used.
+struct EveryFunction;
+
+impl Lagrangian for EveryFunction {
+    fn dof(&self) -> usize {
+        2
+    }
+    fn kinetic<D: Scalar>(&self, q: &[D], v: &[D]) -> D {
+        let x = q[0] * 0.1;
+        let y = q[1] * 0.1;
+        let m = (x * y).exp()
+            + (x.sin() * y.cos() + 2.0).powf(1.7)
+            + x.tanh()
+            + (y * y + 1.0).ln()
+            + x.atan2(y + 3.0)
+            + (x + 2.0).powi(-3)
+            + x.cosh()
+            + y.sinh() * 0.1
+            + x.tan()
+            + y.asin()
+            + x.acos()
+            + y.atan()
+            + (x - 5.0).abs();
+        m * v[0] * v[0] + (x * x + 1.0).sqrt() * v[1] * v[1] * 2.0 + v[0] * v[1] * x / (y + 4.0)
+    }
+    fn potential<D: Scalar>(&self, q: &[D]) -> D {
+        -(q[0] * q[1]).cos() / (q[0] * q[0] + 1.0) - q[1].powi(3) * 0.1
+    }
+}
+
+proptest! {
+    #[test]
+    fn every_function_is_differentiated_alike_by_programs_and_duals(q in pair(3.0), v in pair(3.0), a in pair(3.0)) {
+        let compiled = Dynamics::of(EveryFunction);
+        prop_assert!(compiled.is_compiled());
+        let duals = Dynamics::of(EveryFunction).by_duals();
+        assert_relative_eq!(
+            compiled.forward_dynamics(&q, &v, &a).unwrap(),
+            duals.forward_dynamics(&q, &v, &a).unwrap(),
+            max_relative = 1e-10, epsilon = 1e-10
+        );
+        let [x, y] = [&compiled, &duals].map(|dynamics| {
+            let mut out = InverseDynamicsDerivatives::zeros(2, 0);
+            dynamics.inverse_dynamics_derivatives_into(&q, &v, &a, &[], &[], &mut dynamics.workspace(), &mut out);
+            out
+        });
+        assert_relative_eq!(x.by_q, y.by_q, max_relative = 1e-10, epsilon = 1e-10);
+        assert_relative_eq!(x.by_v, y.by_v, max_relative = 1e-10, epsilon = 1e-10);
+    }
+}
+
+#[test]
+fn energies_that_branch_are_left_to_the_dual_numbers() {
+    struct Branch;
+    impl Lagrangian for Branch {
+        fn dof(&self) -> usize {
+            1
+        }
+        fn kinetic<D: Scalar>(&self, _q: &[D], v: &[D]) -> D {
+            v[0] * v[0] * 0.5
+        }
+        fn potential<D: Scalar>(&self, q: &[D]) -> D {
+            if q[0].re() > 0.0 {
+                q[0] * q[0] * 0.5
+            } else {
+                D::zero()
+            }
+        }
+    }
+    let dynamics = Dynamics::of(Branch);
+    assert!(!dynamics.is_compiled());
+    assert_eq!(
+        dynamics.forward_dynamics(&[1.0], &[0.0], &[0.0]).unwrap()[0],
+        -1.0
+    );
+    assert_eq!(
+        dynamics.forward_dynamics(&[-1.0], &[0.0], &[0.0]).unwrap()[0],
+        0.0
+    );
+}

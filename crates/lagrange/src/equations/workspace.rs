@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual64, HyperDual64, HyperHyperDual64};
 
 use crate::Scalar;
+use crate::trace::Registers;
 
 /// Scratch memory of one mechanism for one thread. Make it with [`Mechanics::workspace`](crate::Mechanics::workspace).
 #[derive(Debug, Clone)]
@@ -18,6 +19,8 @@ pub struct Workspace {
     pub(crate) diagonal: Vec<f64>,
     /// ∂M/∂q_k, one matrix a coordinate.
     pub(crate) mass_by_q: Vec<DMatrix<f64>>,
+    /// Of the compiled programs, where there are some.
+    pub(crate) registers: Registers,
 }
 
 /// The arguments of the energies on one number type.
@@ -49,7 +52,7 @@ impl<D: Scalar> Lifted<D> {
 }
 
 impl Workspace {
-    pub(crate) fn new(nv: usize, np: usize) -> Self {
+    pub(crate) fn new(nv: usize, np: usize, registers: Registers) -> Self {
         Workspace {
             real: Lifted::new(nv, np),
             dual: Lifted::new(nv, np),
@@ -59,6 +62,7 @@ impl Workspace {
             force: DVector::zeros(nv),
             diagonal: vec![0.0; nv],
             mass_by_q: vec![DMatrix::zeros(nv, nv); nv],
+            registers,
         }
     }
 

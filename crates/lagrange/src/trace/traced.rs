@@ -1,0 +1,110 @@
+//! A scalar that writes down what is computed with it.
+
+use std::cell::RefCell;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+use super::graph::{Function, Graph, Id};
+use crate::Scalar;
+
+thread_local! {
+    static GRAPH: RefCell<Graph> = RefCell::new(Graph::default());
+}
+
+/// A node of this thread's graph.
+#[derive(Debug, Clone, Copy)]
+pub struct Traced(pub Id);
+
+/// Runs `record` on a fresh graph of this thread; returns the graph and what `record` returned.
+pub fn trace<T>(record: impl FnOnce() -> T) -> (Graph, T) {
+    let outer = GRAPH.with(|graph| graph.take());
+    let result = record();
+    let graph = GRAPH.with(|graph| graph.replace(outer));
+    (graph, result)
+}
+
+/// The variable with this index.
+pub fn variable(index: usize) -> Traced {
+    with(|graph| graph.variable(index as u32))
+}
+
+fn with(f: impl FnOnce(&mut Graph) -> Id) -> Traced {
+    GRAPH.with(|graph| Traced(f(&mut graph.borrow_mut())))
+}
+
+macro_rules! operator {
+    ($trait:ident, $method:ident, $node:ident) => {
+        impl $trait for Traced {
+            type Output = Traced;
+            fn $method(self, other: Traced) -> Traced {
+                with(|graph| graph.$node(self.0, other.0))
+            }
+        }
+        impl $trait<f64> for Traced {
+            type Output = Traced;
+            fn $method(self, other: f64) -> Traced {
+                with(|graph| {
+                    let other = graph.constant(other);
+                    graph.$node(self.0, other)
+                })
+            }
+        }
+    };
+}
+
+operator!(Add, add, add);
+operator!(Sub, sub, subtract);
+operator!(Mul, mul, multiply);
+operator!(Div, div, divide);
+
+impl Neg for Traced {
+    type Output = Traced;
+    fn neg(self) -> Traced {
+        with(|graph| graph.negate(self.0))
+    }
+}
+
+macro_rules! functions {
+    ($($method:ident: $function:ident),*) => {
+        $(fn $method(self) -> Self {
+            with(|graph| graph.apply(Function::$function, self.0))
+        })*
+    };
+}
+
+impl Scalar for Traced {
+    fn constant(x: f64) -> Self {
+        with(|graph| graph.constant(x))
+    }
+
+    /// There is no value yet. Who asks means to branch, and a trace of one branch is no formula for the other.
+    fn re(self) -> f64 {
+        GRAPH.with(|graph| {
+            let graph = &mut *graph.borrow_mut();
+            graph.value(self.0).unwrap_or_else(|| {
+                graph.branched = true;
+                f64::NAN
+            })
+        })
+    }
+
+    functions!(
+        sin: Sin, cos: Cos, tan: Tan, asin: Asin, acos: Acos, atan: Atan, sinh: Sinh, cosh: Cosh, tanh: Tanh, exp: Exp,
+        ln: Ln, sqrt: Sqrt, abs: Abs
+    );
+
+    fn sin_cos(self) -> (Self, Self) {
+        (self.sin(), self.cos())
+    }
+
+    fn atan2(self, x: Self) -> Self {
+        with(|graph| graph.atan2(self.0, x.0))
+    }
+
+    fn powi(self, n: i32) -> Self {
+        with(|graph| graph.powi(self.0, n))
+    }
+
+    fn powf(self, n: f64) -> Self {
+        with(|graph| graph.powf(self.0, n))
+    }
+}
