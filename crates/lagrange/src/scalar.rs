@@ -48,7 +48,9 @@ pub trait Scalar:
     /// Cosine.
     fn cos(self) -> Self;
     /// Sine and cosine.
-    fn sin_cos(self) -> (Self, Self);
+    fn sin_cos(self) -> (Self, Self) {
+        (self.sin(), self.cos())
+    }
     /// Tangent.
     fn tan(self) -> Self;
     /// Arc sine.

@@ -2,6 +2,8 @@
 //!
 //! The formulas are those of [`Tree`]. What is constant or zero by the tree's shape is found once, at construction
 //! ([`Shortcuts`]), and not carried along: most mechanisms are planar, and all have bodies on the base.
+//!
+//! Inlined by order: motions that are handed over in memory cost more time than their formulas.
 
 use std::ops::Range;
 
@@ -118,32 +120,20 @@ impl Tree {
             if node.parameter.is_some() {
                 sum = sum + weight(node, node.kinetic_on_base(rate));
             }
+            let motion = node.joint_motion(rate);
             for &child in &self.children[node.children.clone()] {
-                let motion = self.nodes[child].motion_by_rate(rate, q, v);
-                sum = sum + self.kinetic_from(child, motion, q, v, weight);
+                sum = sum + self.kinetic_from(child, node, motion, q, v, weight);
             }
         }
         sum
     }
 
-    /// The motion of body `i` on `parent`, which moves with `motion`.
-    fn motion<D: Scalar>(
-        &self,
-        i: usize,
-        parent: &Node,
-        motion: &Motion<D>,
-        q: &[D],
-        v: &[D],
-    ) -> Motion<D> {
-        let node = &self.nodes[i];
-        node.moved(parent.at_joint_of(node, motion), q, node.rate(v))
-    }
-
-    /// T of body `i`, which moves with `motion`, and of all that it carries.
-    fn kinetic_from<D: Scalar>(
-        &self,
+    /// T of body `i`, whose `parent` moves with `carrier`, and of all that it carries.
+    fn kinetic_from<'a, D: Scalar>(
+        &'a self,
         mut i: usize,
-        mut motion: Motion<D>,
+        mut parent: &'a Node,
+        mut carrier: Motion<D>,
         q: &[D],
         v: &[D],
         weight: &impl Fn(&Node, D) -> D,
@@ -151,6 +141,7 @@ impl Tree {
         let mut sum = D::zero();
         loop {
             let node = &self.nodes[i];
+            let motion = node.motion(parent, &carrier, q, v);
             if node.parameter.is_some() {
                 sum = sum + weight(node, node.kinetic(&motion));
             }
@@ -159,11 +150,9 @@ impl Tree {
                 return sum;
             };
             for &child in others {
-                let carried = self.motion(child, node, &motion, q, v);
-                sum = sum + self.kinetic_from(child, carried, q, v, weight);
+                sum = sum + self.kinetic_from(child, node, motion, q, v, weight);
             }
-            motion = self.motion(heaviest, node, &motion, q, v);
-            i = heaviest;
+            (i, parent, carrier) = (heaviest, node, motion);
         }
     }
 
@@ -175,23 +164,23 @@ impl Tree {
         };
         let mut sum = D::zero();
         for &child in &self.children[self.base_children.clone()] {
-            let fall = self.nodes[child].fall(&base, q);
-            sum = sum + self.potential_from(child, fall, q, weight);
+            sum = sum + self.potential_from(child, base, q, weight);
         }
         sum
     }
 
-    /// V of body `i`, in whose frame gravity is `fall`, and of all that it carries.
+    /// V of body `i`, in whose parent's frame gravity is `above`, and of all that it carries.
     fn potential_from<D: Scalar>(
         &self,
         mut i: usize,
-        mut fall: Fall<D>,
+        mut above: Fall<D>,
         q: &[D],
         weight: &impl Fn(&Node, D) -> D,
     ) -> D {
         let mut sum = D::zero();
         loop {
             let node = &self.nodes[i];
+            let fall = node.fall(&above, q);
             if node.parameter.is_some() {
                 let along = fall.at_origin * node.mass + dot(&fall.g, &node.moment);
                 sum = sum + weight(node, -along);
@@ -201,11 +190,9 @@ impl Tree {
                 return sum;
             };
             for &child in others {
-                let carried = self.nodes[child].fall(&fall, q);
-                sum = sum + self.potential_from(child, carried, q, weight);
+                sum = sum + self.potential_from(child, fall, q, weight);
             }
-            fall = self.nodes[heaviest].fall(&fall, q);
-            i = heaviest;
+            (i, above) = (heaviest, fall);
         }
     }
 }
@@ -232,13 +219,14 @@ impl Lagrangian for Tree {
 }
 
 /// Angular velocity of a body and velocity of its frame's origin, in that frame.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Copy)]
 struct Motion<D> {
     w: [D; 3],
     v: [D; 3],
 }
 
 /// Gravity in a body's frame, and g·p of the frame's origin p.
+#[derive(Clone, Copy)]
 struct Fall<D> {
     g: [D; 3],
     at_origin: D,
@@ -260,6 +248,7 @@ impl Node {
     }
 
     /// The motion of the joint alone.
+    #[inline(always)]
     fn joint_motion<D: Scalar>(&self, rate: D) -> Motion<D> {
         let zero = [D::zero(); 3];
         let along = [D::zero(), D::zero(), rate];
@@ -271,6 +260,7 @@ impl Node {
     }
 
     /// ω and v that this body's `motion` brings to the joint of its child: Rᵀ ω and Rᵀ (v + ω × p).
+    #[inline(always)]
     fn at_joint_of<D: Scalar>(&self, child: &Node, motion: &Motion<D>) -> ([D; 3], [D; 3]) {
         let Motion { w, v } = motion;
         let v = match (&child.translation, child.short.carried) {
@@ -286,6 +276,7 @@ impl Node {
     }
 
     /// The motion, given what the parent brings to the joint.
+    #[inline(always)]
     fn moved<D: Scalar>(&self, (w, v): ([D; 3], [D; 3]), q: &[D], rate: D) -> Motion<D> {
         let position = self.position(q);
         if self.turns {
@@ -310,28 +301,48 @@ impl Node {
         }
     }
 
-    /// The motion of a body whose parent is on the base and moves its joint with `parent_rate`.
-    fn motion_by_rate<D: Scalar>(&self, parent_rate: D, q: &[D], v: &[D]) -> Motion<D> {
+    /// The motion of this body on `parent`, which moves with `carrier`.
+    #[inline(always)]
+    fn motion<D: Scalar>(&self, parent: &Node, carrier: &Motion<D>, q: &[D], v: &[D]) -> Motion<D> {
         let rate = self.rate(v);
-        let Some(Motion { w, v }) = &self.short.by_rate else {
-            return self.joint_motion(rate); // never: every such body has it
-        };
-        let times = |x: [D; 3]| x.map(|x| x * parent_rate);
+        match &self.short.by_rate {
+            Some(unit) => {
+                let (of_turn, of_slide) = (carrier.w[2], carrier.v[2]);
+                let carried = if parent.turns { of_turn } else { of_slide };
+                self.moved_by_rate(unit, carried, q, rate)
+            }
+            None => self.moved(parent.at_joint_of(self, carrier), q, rate),
+        }
+    }
+
+    /// The motion when the parent is on the base: its joint rate `carried` brings `unit` times itself to this joint.
+    #[inline(always)]
+    fn moved_by_rate<D: Scalar>(
+        &self,
+        unit: &Motion<f64>,
+        carried: D,
+        q: &[D],
+        rate: D,
+    ) -> Motion<D> {
+        let Motion { w, v } = unit;
         if !self.turns {
-            let at_joint = (w.map(|x| parent_rate * x), v.map(|x| parent_rate * x));
+            let at_joint = (w.map(|x| carried * x), v.map(|x| carried * x));
             return self.moved(at_joint, q, rate);
         }
         let (sin, cos) = self.position(q).sin_cos();
+        let turned = |x: &[f64; 3]| {
+            let [a, b, _] = unturn_constant(x, sin, cos);
+            [a * carried, b * carried, carried * x[2]]
+        };
         let w = match self.short.carried {
             Spin::None => [D::zero(), D::zero(), rate],
-            Spin::Axial => [D::zero(), D::zero(), parent_rate * w[2] + rate],
+            Spin::Axial => [D::zero(), D::zero(), carried * w[2] + rate],
             Spin::Full => {
-                let turned = times(unturn_constant(w, sin, cos));
-                [turned[0], turned[1], turned[2] + rate]
+                let w = turned(w);
+                [w[0], w[1], w[2] + rate]
             }
         };
-        let v = times(unturn_constant(v, sin, cos));
-        Motion { w, v }
+        Motion { w, v: turned(v) }
     }
 
     /// Gravity in this body's frame, where it is constant.
@@ -341,6 +352,7 @@ impl Node {
     }
 
     /// Gravity here, given gravity in the parent body.
+    #[inline(always)]
     fn fall<D: Scalar>(&self, parent: &Fall<D>, q: &[D]) -> Fall<D> {
         let position = self.position(q);
         if let Some(g) = &self.short.gravity {
@@ -378,6 +390,7 @@ impl Node {
     }
 
     /// ½ m q̇² or ½ I_zz q̇² of a body on the base.
+    #[inline(always)]
     fn kinetic_on_base<D: Scalar>(&self, rate: D) -> D {
         let inertia = if self.turns {
             self.inertia[2]
@@ -388,6 +401,7 @@ impl Node {
     }
 
     /// ½ m v·v + v·(ω × h) + ½ ω·I ω.
+    #[inline(always)]
     fn kinetic<D: Scalar>(&self, motion: &Motion<D>) -> D {
         let Motion { w, v } = motion;
         let h = &self.moment;
@@ -417,11 +431,13 @@ impl Node {
 }
 
 /// a · b.
+#[inline(always)]
 fn dot<D: Scalar>(a: &[D; 3], b: &[f64; 3]) -> D {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// a × b.
+#[inline(always)]
 fn cross<D: Scalar>(a: &[D; 3], b: &[f64; 3]) -> [D; 3] {
     [
         a[1] * b[2] - a[2] * b[1],
@@ -430,11 +446,13 @@ fn cross<D: Scalar>(a: &[D; 3], b: &[f64; 3]) -> [D; 3] {
     ]
 }
 
+#[inline(always)]
 fn add<D: Scalar>(a: &[D; 3], b: &[D; 3]) -> [D; 3] {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
 /// Rᵀ x for a constant rotation R.
+#[inline(always)]
 fn unrotate<D: Scalar>(rotation: &Rotation, x: &[D; 3]) -> [D; 3] {
     match rotation {
         None => *x,
@@ -443,11 +461,13 @@ fn unrotate<D: Scalar>(rotation: &Rotation, x: &[D; 3]) -> [D; 3] {
 }
 
 /// Rᵀ x for the rotation about z by the angle of this sine and cosine.
+#[inline(always)]
 fn unturn<D: Scalar>(x: &[D; 3], sin: D, cos: D) -> [D; 3] {
     [cos * x[0] + sin * x[1], cos * x[1] - sin * x[0], x[2]]
 }
 
 /// [`unturn`] of a constant vector.
+#[inline(always)]
 fn unturn_constant<D: Scalar>(x: &[f64; 3], sin: D, cos: D) -> [D; 3] {
     [
         cos * x[0] + sin * x[1],
