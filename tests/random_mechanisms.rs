@@ -119,6 +119,33 @@ fn energies_by_poses(tree: &Tree, q: &[f64], v: &[f64]) -> (f64, f64) {
     (kinetic, potential)
 }
 
+#[test]
+fn a_hinge_about_the_opposite_axis_turns_back() {
+    for (axis, turned) in [("0 1 0", 1.0), ("0 -1 0", 0.0), ("0 -2 0", 0.0)] {
+        let text = format!(
+            r#"<robot name="r"><link name="base"/><link name="a"/>
+<link name="b"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
+  <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+<joint name="j" type="continuous"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/></joint>
+<joint name="k" type="continuous"><parent link="a"/><child link="b"/><axis xyz="{axis}"/></joint></robot>"#
+        );
+        let mechanics = tree(&text, &Options::default());
+        let pose = mechanics.lagrangian().link_poses(&[0.5, 0.5]).unwrap()[2];
+        assert!((pose.rotation.angle() - turned).abs() < 1e-12, "{axis}");
+        // The centre of mass goes down by sin of the angle about +y.
+        let expected = -9.81 * 0.1 * f64::sin(turned);
+        let found = mechanics.potential_energy(&[0.5, 0.5]).unwrap();
+        assert!((found - expected).abs() < 1e-12, "{axis}: {found}");
+        // Both rates turn the body: T = ½ (1 + 0.1²) ω².
+        let w = 2.0 + if turned > 0.0 { 0.3 } else { -0.3 };
+        let found = mechanics.kinetic_energy(&[0.5, 0.5], &[2.0, 0.3]).unwrap();
+        assert!(
+            (found - 0.5 * 1.01 * w * w).abs() < 1e-12,
+            "{axis}: {found}"
+        );
+    }
+}
+
 /// The largest entry of a difference.
 fn gap(a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
     (a - b).amax()

@@ -3,6 +3,7 @@
 mod inertia;
 mod joint;
 mod recursion;
+mod shortcuts;
 mod tree;
 
 pub use inertia::Inertia;

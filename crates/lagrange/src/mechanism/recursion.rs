@@ -8,6 +8,7 @@
 use std::ops::Range;
 
 use super::Tree;
+use super::shortcuts::{Shortcuts, Spin};
 use crate::{Lagrangian, Parameter, Scalar};
 
 /// What the recursions need of a body; its frame has z along the joint's axis.
@@ -37,78 +38,6 @@ pub(super) struct Node {
 
 /// A constant rotation, as rows of its transpose; none for the identity.
 pub(super) type Rotation = Option<[[f64; 3]; 3]>;
-
-/// What the tree's shape says of a body's motion and of gravity in its frame.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Shortcuts {
-    /// The angular velocity that the parent brings, in this body's frame.
-    carried: Spin,
-    /// This body's angular velocity.
-    spin: Spin,
-    /// For a body on one that is on the base: ω and v at the joint, in this frame, per unit of the parent's joint rate.
-    by_rate: Option<Motion<f64>>,
-    /// Gravity at the joint, in this frame at joint position 0, where nothing below turns it.
-    gravity: Option<[f64; 3]>,
-    /// g·p from the parent's origin to this frame's at joint position 0, where gravity is constant, m²/s².
-    drop: f64,
-}
-
-/// Which components of an angular velocity can be other than 0.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-enum Spin {
-    None,
-    /// Along z.
-    Axial,
-    #[default]
-    Full,
-}
-
-impl Spin {
-    fn of(w: &[f64; 3]) -> Spin {
-        match *w {
-            [0.0, 0.0, 0.0] => Spin::None,
-            [0.0, 0.0, _] => Spin::Axial,
-            _ => Spin::Full,
-        }
-    }
-}
-
-impl Shortcuts {
-    /// For `node` (with its own shortcuts still at their default, which holds for any motion) on `parent`, or on the world with its gravity.
-    pub fn new(node: &Node, parent: Option<&Node>, world_gravity: [f64; 3]) -> Self {
-        let by_rate = parent.and_then(|parent| {
-            parent.parent.is_none().then(|| {
-                let (w, v) = parent.at_joint_of(node, &parent.joint_motion(1.0));
-                Motion { w, v }
-            })
-        });
-        let carried = match (parent, &by_rate) {
-            (None, _) => Spin::None,
-            (_, Some(motion)) => Spin::of(&motion.w),
-            (Some(parent), None) => match parent.short.spin {
-                Spin::Axial if node.rotation.is_some() => Spin::Full,
-                spin => spin,
-            },
-        };
-        let below = match parent {
-            None => Some(world_gravity),
-            Some(parent) => parent.constant_gravity(),
-        };
-        Shortcuts {
-            carried,
-            spin: match carried {
-                Spin::None if node.turns => Spin::Axial,
-                spin => spin,
-            },
-            by_rate,
-            gravity: below.map(|g| unrotate(&node.rotation, &g)),
-            drop: match (&below, &node.translation) {
-                (Some(g), Some(p)) => dot(g, p),
-                _ => 0.0,
-            },
-        }
-    }
-}
 
 impl Tree {
     /// T of all bodies, each weighed by `weight`.
@@ -220,9 +149,9 @@ impl Lagrangian for Tree {
 
 /// Angular velocity of a body and velocity of its frame's origin, in that frame.
 #[derive(Debug, Clone, Copy)]
-struct Motion<D> {
-    w: [D; 3],
-    v: [D; 3],
+pub(super) struct Motion<D> {
+    pub w: [D; 3],
+    pub v: [D; 3],
 }
 
 /// Gravity in a body's frame, and g·p of the frame's origin p.
@@ -249,7 +178,7 @@ impl Node {
 
     /// The motion of the joint alone.
     #[inline(always)]
-    fn joint_motion<D: Scalar>(&self, rate: D) -> Motion<D> {
+    pub fn joint_motion<D: Scalar>(&self, rate: D) -> Motion<D> {
         let zero = [D::zero(); 3];
         let along = [D::zero(), D::zero(), rate];
         if self.turns {
@@ -261,7 +190,7 @@ impl Node {
 
     /// ω and v that this body's `motion` brings to the joint of its child: Rᵀ ω and Rᵀ (v + ω × p).
     #[inline(always)]
-    fn at_joint_of<D: Scalar>(&self, child: &Node, motion: &Motion<D>) -> ([D; 3], [D; 3]) {
+    pub fn at_joint_of<D: Scalar>(&self, child: &Node, motion: &Motion<D>) -> ([D; 3], [D; 3]) {
         let Motion { w, v } = motion;
         let v = match (&child.translation, child.short.carried) {
             (None, _) | (_, Spin::None) => *v,
@@ -346,7 +275,7 @@ impl Node {
     }
 
     /// Gravity in this body's frame, where it is constant.
-    fn constant_gravity(&self) -> Option<[f64; 3]> {
+    pub fn constant_gravity(&self) -> Option<[f64; 3]> {
         let along = |g: &[f64; 3]| !self.turns || Spin::of(g) != Spin::Full;
         self.short.gravity.filter(along)
     }
@@ -432,7 +361,7 @@ impl Node {
 
 /// a · b.
 #[inline(always)]
-fn dot<D: Scalar>(a: &[D; 3], b: &[f64; 3]) -> D {
+pub(super) fn dot<D: Scalar>(a: &[D; 3], b: &[f64; 3]) -> D {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
@@ -453,7 +382,7 @@ fn add<D: Scalar>(a: &[D; 3], b: &[D; 3]) -> [D; 3] {
 
 /// Rᵀ x for a constant rotation R.
 #[inline(always)]
-fn unrotate<D: Scalar>(rotation: &Rotation, x: &[D; 3]) -> [D; 3] {
+pub(super) fn unrotate<D: Scalar>(rotation: &Rotation, x: &[D; 3]) -> [D; 3] {
     match rotation {
         None => *x,
         Some([a, b, c]) => [dot(x, a), dot(x, b), dot(x, c)],

@@ -5,7 +5,8 @@ use std::ops::Range;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::joint::{Drive, JointSpec, coordinates, not_a_tree, z_to};
-use super::recursion::{Node, Rotation, Shortcuts};
+use super::recursion::{Node, Rotation};
+use super::shortcuts::Shortcuts;
 use super::{Inertia, Joint};
 use crate::{Coordinate, Error, Lagrangian, Parameter, Problem, Role};
 
