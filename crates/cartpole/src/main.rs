@@ -1,2 +1,5 @@
-//! The program `cartpole`.
-fn main() {}
+//! The program `cartpole`; see `cartpole --help`.
+
+fn main() -> std::process::ExitCode {
+    cartpole::program::run()
+}

@@ -4,17 +4,23 @@
 //! work failed, 2 wrong usage.
 
 mod check;
+mod diagnose;
 mod dynamics;
 mod evaluate;
 mod output;
+mod progress;
 mod simulate;
+mod summary;
+pub mod workflow;
 
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 
 use crate::Error;
-use output::Output;
+
+pub use output::Output;
+pub use summary::summary;
 
 /// Equations of motion from energies; find the physics that a model is missing.
 #[derive(Debug, Parser)]
@@ -53,6 +59,8 @@ enum Command {
     Simulate(simulate::Arguments),
     /// Free-run errors over many windows of logs, per coordinate
     Evaluate(evaluate::Arguments),
+    /// Name the physics that the model is missing, add it, and show the gap shrink on data that no fit has seen
+    Diagnose(diagnose::Arguments),
 }
 
 /// Runs the program with the arguments of the process.
@@ -70,12 +78,9 @@ pub fn run() -> ExitCode {
         quiet: cli.common.quiet,
     };
     if let Some(threads) = cli.common.threads {
-        // Fails only when the pool exists already, which it does not.
-        let _ = rayon::ThreadPoolBuilder::new()
-            .num_threads(usize::from(threads))
-            .build_global();
+        use_threads(threads);
     }
-    match execute(cli.command, &output) {
+    match execute(cli.command, cli.common.seed, &output) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             output.error(&error);
@@ -84,11 +89,21 @@ pub fn run() -> ExitCode {
     }
 }
 
-fn execute(command: Command, output: &Output) -> Result<(), Error> {
+/// Sets the number of threads of everything that runs in parallel, once a process and before it starts. Results do not depend on
+/// it.
+pub fn use_threads(threads: u16) {
+    // Fails only when the pool exists already: then it keeps its size.
+    let _ = rayon::ThreadPoolBuilder::new()
+        .num_threads(usize::from(threads))
+        .build_global();
+}
+
+fn execute(command: Command, seed: u64, output: &Output) -> Result<(), Error> {
     match command {
         Command::Check(arguments) => check::run(&arguments, output),
         Command::Dynamics(arguments) => dynamics::run(&arguments, output),
         Command::Simulate(arguments) => simulate::run(&arguments, output),
         Command::Evaluate(arguments) => evaluate::run(&arguments, output),
+        Command::Diagnose(arguments) => diagnose::run(&arguments, seed, output),
     }
 }

@@ -1,23 +1,30 @@
 //! Where results and messages go.
 
+use std::fmt::Display;
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 
+use lagrange::Problems;
 use serde::Serialize;
 
 use crate::Error;
 use crate::log::Log;
 use crate::model::Model;
 
-/// The streams of the program.
+/// The streams of a program.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Output {
+pub struct Output {
+    /// One JSON document on stdout; people's text on stderr.
     pub json: bool,
+    /// No text for people but errors.
     pub quiet: bool,
 }
 
 impl Output {
     /// A result: `document` as JSON with `--json`, else `text`.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when stdout cannot be written to.
     pub fn result(&self, document: &impl Serialize, text: &str) -> Result<(), Error> {
         if self.json {
             self.document(document)
@@ -29,11 +36,29 @@ impl Output {
     }
 
     /// A JSON document on stdout.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when stdout cannot be written to.
     pub fn document(&self, document: &impl Serialize) -> Result<(), Error> {
         let mut bytes = serde_json::to_vec_pretty(document)
             .map_err(|e| Error::io(Path::new("stdout"), e.into()))?;
         bytes.push(b'\n');
         to_stdout(&bytes)
+    }
+
+    /// Text for people: on stdout, or on stderr where stdout is for the document.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when stdout cannot be written to.
+    pub fn say(&self, text: &str) -> Result<(), Error> {
+        if self.json {
+            self.note(text.trim_end_matches('\n'));
+            Ok(())
+        } else if self.quiet {
+            Ok(())
+        } else {
+            to_stdout(text.as_bytes())
+        }
     }
 
     /// A message on stderr.
@@ -45,22 +70,31 @@ impl Output {
 
     /// An error on stderr.
     pub fn error(&self, error: &Error) {
-        let mut stderr = std::io::stderr();
-        let _ = match error {
-            Error::Problems(problems) => {
-                let n = problems.list.len();
-                let noun = if n == 1 { "problem" } else { "problems" };
-                writeln!(
-                    stderr,
-                    "error: {n} {noun} in {}\n{problems}",
-                    problems.source
-                )
-            }
-            other => writeln!(stderr, "error: {other}"),
-        };
+        match error {
+            Error::Problems(problems) => self.problems(problems),
+            other => self.failure(other),
+        }
+    }
+
+    /// An error on stderr, all faults of a text.
+    pub fn problems(&self, problems: &Problems) {
+        let n = problems.list.len();
+        let noun = if n == 1 { "problem" } else { "problems" };
+        self.failure(&format_args!(
+            "{n} {noun} in {}\n{problems}",
+            problems.source
+        ));
+    }
+
+    /// An error on stderr, in words.
+    pub fn failure(&self, error: &dyn Display) {
+        let _ = writeln!(std::io::stderr(), "error: {error}"); // nobody is left to tell when stderr is gone
     }
 
     /// Loads a model and tells its warnings.
+    ///
+    /// # Errors
+    /// Those of [`Model::load`].
     pub fn load_model(&self, path: &Path) -> Result<Model, Error> {
         let model = Model::load(path)?;
         for warnings in &model.warnings {
@@ -72,6 +106,9 @@ impl Output {
     }
 
     /// Reads a log and tells its warnings.
+    ///
+    /// # Errors
+    /// Those of [`Log::read`].
     pub fn read_log(&self, path: &Path, model: &Model) -> Result<Log, Error> {
         let log = Log::read(path, model)?;
         for warning in &log.warnings {

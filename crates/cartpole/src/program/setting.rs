@@ -1,0 +1,84 @@
+//! From the options to the settings of the rig and the effect it hides.
+
+use std::path::{Path, PathBuf};
+
+use super::{Error, Options};
+use crate::config::Config;
+use crate::rig::{CASES, Hidden, draw, draw_of};
+
+/// What a run of the program works with.
+pub(super) struct Setting {
+    pub config: Config,
+    pub hidden: Hidden,
+    pub seed: u64,
+    /// Whether nobody knows what is hidden.
+    pub secret: bool,
+    /// The folder of the models.
+    pub models: PathBuf,
+    /// The folder of everything that is written.
+    pub out: PathBuf,
+}
+
+impl Setting {
+    pub fn read(options: &Options, seed: u64) -> Result<Self, Error> {
+        let models = options.models.clone().unwrap_or_else(models);
+        let mut config = Config::read(&models.join("rig.toml"))?;
+        if let Some(noise) = options.noise {
+            config.noise = noise.into();
+        }
+        if let Some(duration) = options.duration {
+            config.duration = duration;
+        }
+        let hidden = match (&options.effect, options.nothing) {
+            (_, true) => Hidden::Nothing,
+            (Some(name), false) => chosen(&config, name, seed)?,
+            (None, false) => draw(&config, seed),
+        };
+        Ok(Setting {
+            config,
+            hidden,
+            seed,
+            secret: options.effect.is_none() && !options.nothing,
+            models,
+            out: options.out.clone(),
+        })
+    }
+}
+
+/// `models/cartpole` of the working folder, or else of the sources that this program was built from.
+fn models() -> PathBuf {
+    let here = Path::new("models/cartpole");
+    match here.join("rig.toml").exists() {
+        true => here.to_owned(),
+        false => Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/cartpole"),
+    }
+}
+
+/// The effect called `KIND[@TARGET]`, with a drawn size.
+fn chosen(config: &Config, name: &str, seed: u64) -> Result<Hidden, Error> {
+    let (kind, target) = match name.split_once('@') {
+        Some((kind, target)) => (kind, Some(target)),
+        None => (name, None),
+    };
+    let all: Vec<Hidden> = (0..CASES).map(|case| draw_of(config, case, seed)).collect();
+    let matching: Vec<&Hidden> = all
+        .iter()
+        .filter(|h| h.kind() == kind)
+        .filter(|h| target.is_none() || h.target().map(|t| t.name()) == target)
+        .collect();
+    // One of them for every seed, all of them over the seeds.
+    let index = seed.checked_rem(matching.len() as u64).unwrap_or(0) as usize;
+    match matching.get(index) {
+        Some(&&hidden) => Ok(hidden),
+        None => {
+            let names: Vec<String> = all
+                .iter()
+                .map(|h| format!("{}@{}", h.kind(), h.target().map_or("", |t| t.name())))
+                .collect();
+            Err(Error::NoSuchEffect(format!(
+                "the rig cannot hide `{name}`: give one of {}",
+                names.join(", ")
+            )))
+        }
+    }
+}

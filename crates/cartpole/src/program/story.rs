@@ -1,0 +1,152 @@
+//! What the program does, in order.
+
+use std::path::{Path, PathBuf};
+
+use pinode_nn::cli::workflow::{self, Finished, Task, command_line};
+use pinode_nn::cli::{Output, summary};
+use pinode_nn::effect::registry;
+use serde_json::json;
+
+use super::Error;
+use super::judge::Judgement;
+use super::setting::Setting;
+use crate::rig::{self, Hidden, Key, Target, known_model};
+
+/// The diagnosis has its own seed, that of `pinode diagnose` without `--seed`: it knows nothing of the rig's.
+const SEED_OF_THE_DIAGNOSIS: u64 = 0;
+
+/// What the rig leaves.
+struct Recorded {
+    log: PathBuf,
+    model: PathBuf,
+    key: PathBuf,
+}
+
+/// `cartpole rig`.
+pub(super) fn rig(setting: &Setting, output: &Output) -> Result<(), Error> {
+    let recorded = record(setting, output)?;
+    if output.json {
+        output.document(&json!({
+            "seed": setting.seed,
+            "log": recorded.log,
+            "model": recorded.model,
+            "key": recorded.key,
+        }))?;
+    }
+    Ok(())
+}
+
+/// `cartpole`: record, diagnose, open the key.
+pub(super) fn whole(setting: &Setting, output: &Output) -> Result<(), Error> {
+    let recorded = record(setting, output)?;
+    let finished = diagnose(setting, &recorded, output)?;
+    let diagnosis = &finished.diagnosis;
+    output.say(&format!("\n{}", summary(diagnosis)))?;
+
+    let key = Key::read_json(&recorded.key)?;
+    let judgement = Judgement::of(&key.hidden, diagnosis.verdict, &diagnosis.effects);
+    output.say(&format!(
+        "\nthe key is opened\n  hidden: {}\n  {}\n",
+        in_words(&key.hidden),
+        judgement.in_words()
+    ))?;
+    let files = [
+        ("report", &finished.report),
+        ("diagnosis", &finished.json),
+        ("model with what was found", &finished.model),
+        ("model without", &recorded.model),
+        ("log", &recorded.log),
+        ("key", &recorded.key),
+    ];
+    let lines: String = files
+        .iter()
+        .map(|(what, path)| format!("  {:27}{}\n", format!("{what}:"), path.display()))
+        .collect();
+    output.say(&format!("\nwritten\n{lines}"))?;
+    if output.json {
+        output.document(&json!({
+            "seed": setting.seed,
+            "hidden": key.hidden,
+            "judgement": judgement,
+            "diagnosis": diagnosis,
+            "files": {
+                "report": finished.report,
+                "diagnosis": finished.json,
+                "revised_model": finished.model,
+                "model": recorded.model,
+                "log": recorded.log,
+                "key": recorded.key,
+            },
+        }))?;
+    }
+    Ok(())
+}
+
+/// Runs the rig and writes log, model and key.
+fn record(setting: &Setting, output: &Output) -> Result<Recorded, Error> {
+    let (config, hidden, out) = (&setting.config, &setting.hidden, &setting.out);
+    let recording = rig::run(config, hidden, setting.seed)?;
+    let model = known_model(hidden, &setting.models, out)?; // makes the folder
+    let log = out.join("log.csv");
+    recording.write_csv(&log)?;
+    let key = out.join("key.json");
+    Key::new(config, hidden, setting.seed).write_json(&key)?;
+    output.say(&format!(
+        "seed {}: --seed {0} repeats this run\n{}\nthe rig ran for {} s at {} Hz: {}\nthe model that it is compared with: {}\n",
+        setting.seed,
+        match (setting.secret, hidden) {
+            (true, _) => format!(
+                "a hidden effect is drawn; what it is, is sealed in {} until the end",
+                key.display()
+            ),
+            (false, Hidden::Nothing) => "nothing is hidden, as you asked".to_owned(),
+            (false, chosen) => format!("hidden, as you asked: {}", in_words(chosen)),
+        },
+        config.duration,
+        config.rate,
+        log.display(),
+        model.display()
+    ))?;
+    Ok(Recorded { log, model, key })
+}
+
+/// The diagnosis sees the model and the log, and nothing else.
+fn diagnose(setting: &Setting, recorded: &Recorded, output: &Output) -> Result<Finished, Error> {
+    let model = output.load_model(&recorded.model)?;
+    let log = output.read_log(&recorded.log, &model)?;
+    let out: &Path = &setting.out.join("diagnosis");
+    Ok(workflow::run(
+        &Task {
+            model: &model,
+            logs: &[log],
+            held_out: &[],
+            out,
+            seed: SEED_OF_THE_DIAGNOSIS,
+            command: &command_line(),
+        },
+        output,
+    )?)
+}
+
+/// `coulomb_friction on slider, force = 0.312 N`.
+fn in_words(hidden: &Hidden) -> String {
+    let Some(target) = hidden.target() else {
+        return "nothing".to_owned();
+    };
+    let angular = target == Target::Pole;
+    let specs = registry::find(hidden.kind()).map_or(&[][..], |kind| kind.parameters);
+    let mut words = format!("{} on {}", hidden.kind(), target.name());
+    for (name, value) in hidden.parameters() {
+        let spec = specs.iter().find(|spec| spec.name == name);
+        let unit = spec.map_or("", |spec| spec.quantity.unit(angular));
+        let unit = if unit == "1" { "" } else { unit };
+        let value = three_digits(value);
+        words += format!(", {name} = {value} {unit}").trim_end();
+    }
+    words
+}
+
+fn three_digits(x: f64) -> String {
+    let decimals = (2.0 - x.abs().log10().floor()).clamp(0.0, 12.0); // 0 has an infinite logarithm
+    format!("{x:.*}", decimals as usize)
+}

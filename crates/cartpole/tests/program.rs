@@ -1,0 +1,100 @@
+//! The program `cartpole` as its users see it.
+#![allow(clippy::unwrap_used)]
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use cartpole::rig::Key;
+use pinode_nn::log::Log;
+use pinode_nn::model::Model;
+
+/// Runs `cartpole` in `dir`, where no `models/cartpole` is.
+fn cartpole(dir: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_cartpole"))
+        .current_dir(dir)
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+#[test]
+fn the_rig_writes_a_log_that_its_model_reads_and_the_key() {
+    let dir = tempfile::tempdir().unwrap();
+    let arguments = ["rig", "--seed", "3", "--duration", "20", "--out", "new/rig"];
+    let output = cartpole(dir.path(), &arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let out = dir.path().join("new/rig");
+    let model = Model::load(&out.join("model.toml")).unwrap();
+    let log = Log::read(&out.join("log.csv"), &model).unwrap();
+    assert_eq!((log.samples(), log.warnings.len()), (1000, 0));
+    let key = Key::read_json(&out.join("key.json")).unwrap();
+    assert_eq!(key.seed, 3);
+    // The secret is kept: it is in the key and nowhere else.
+    let kind = key.hidden.kind();
+    assert!(!text(&output.stdout).contains(kind) && !text(&output.stderr).contains(kind));
+    assert!(text(&output.stdout).contains("--seed 3"));
+
+    let log = std::fs::read(out.join("log.csv")).unwrap();
+    cartpole(dir.path(), &arguments);
+    assert!(
+        log == std::fs::read(out.join("log.csv")).unwrap(),
+        "same seed, other log"
+    );
+}
+
+#[test]
+fn the_hidden_effect_can_be_chosen() {
+    let dir = tempfile::tempdir().unwrap();
+    let hidden = |options: &[&str]| {
+        let common = ["rig", "--duration", "2", "--out", "out", "--json"];
+        let output = cartpole(dir.path(), &[&common[..], options].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        let document: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert!(document.get("hidden").is_none());
+        let key = Key::read_json(&dir.path().join(document["key"].as_str().unwrap())).unwrap();
+        (key.hidden.kind(), key.hidden.target().map(|t| t.name()))
+    };
+    assert_eq!(hidden(&["--nothing"]), ("nothing", None));
+    assert_eq!(
+        hidden(&["--effect", "input_delay"]),
+        ("input_delay", Some("motor"))
+    );
+    let drag = hidden(&["--effect", "quadratic_drag@pole", "--noise", "low"]);
+    assert_eq!(drag, ("quadratic_drag", Some("pole")));
+    assert_eq!(
+        hidden(&["--effect", "viscous_friction", "--seed", "1"]).0,
+        "viscous_friction"
+    );
+}
+
+#[test]
+fn wrong_usage_ends_with_2_and_failed_work_with_1() {
+    let dir = tempfile::tempdir().unwrap();
+    for usage in [
+        &["rgi"][..],
+        &["--seed", "-1"],
+        &["--duration", "0"],
+        &["--noise", "none"],
+        &["--nothing", "--effect", "input_delay"],
+        &["rig", "--effect", "viscous_friction@motor"],
+    ] {
+        let output = cartpole(dir.path(), usage);
+        assert_eq!(output.status.code(), Some(2), "{usage:?}");
+        assert!(output.stdout.is_empty() && !output.stderr.is_empty());
+    }
+    let unknown = cartpole(dir.path(), &["rig", "--effect", "viscous@pole"]);
+    assert!(
+        text(&unknown.stderr).contains("viscous_friction@pole"),
+        "{}",
+        text(&unknown.stderr)
+    );
+
+    let failed = cartpole(dir.path(), &["rig", "--models", "no-such-folder"]);
+    assert_eq!(failed.status.code(), Some(1));
+    assert!(text(&failed.stderr).contains("no-such-folder"));
+    assert!(!dir.path().join("out").exists());
+}

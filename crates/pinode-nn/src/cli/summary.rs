@@ -1,0 +1,93 @@
+//! A diagnosis in a few lines.
+
+use std::fmt::Write;
+
+use crate::diagnose::verdict::{Diagnosis, Gap, Name, NamedEffect};
+use crate::report::verdict_in_words;
+use crate::report::words::{number, percent, quantity, with_unit};
+
+/// The verdict, the effects, the gap, faults and advice, as text for a terminal.
+pub fn summary(diagnosis: &Diagnosis) -> String {
+    let mut out = format!("{}\n", verdict_in_words(diagnosis));
+    if !diagnosis.effects.is_empty() {
+        out.push_str("\neffects added:\n");
+    }
+    for effect in &diagnosis.effects {
+        write_effect(&mut out, effect);
+    }
+    write_gap(&mut out, &diagnosis.gap);
+    // Writing to a String cannot fail.
+    if !diagnosis.data_faults.is_empty() {
+        out.push_str("\nfaults of the data:\n");
+    }
+    for fault in &diagnosis.data_faults {
+        let _ = writeln!(
+            out,
+            "  {} in {}: {}",
+            fault.kind, fault.column, fault.detail
+        );
+    }
+    if !diagnosis.advice.is_empty() {
+        out.push_str("\nadvice:\n");
+    }
+    for advice in &diagnosis.advice {
+        let _ = writeln!(out, "  {advice}");
+    }
+    out
+}
+
+fn write_effect(out: &mut String, effect: &NamedEffect) {
+    let _ = writeln!(
+        out,
+        "  {} on {}, confidence {}",
+        effect.kind,
+        effect.target,
+        percent(effect.confidence)
+    );
+    for (name, value) in &effect.parameters {
+        let _ = writeln!(out, "    {name} = {}", quantity(value));
+    }
+    let others: Vec<String> = effect
+        .alternatives
+        .iter()
+        .map(|a| format!("{} on {} ({})", a.kind, a.target, percent(a.confidence)))
+        .collect();
+    if !others.is_empty() {
+        let _ = writeln!(out, "    else: {}", others.join(", "));
+    }
+    let name = |n: &Name| format!("{} on {}", n.kind, n.target);
+    let ties: Vec<String> = effect.indistinguishable_from.iter().map(name).collect();
+    if !ties.is_empty() {
+        let _ = writeln!(
+            out,
+            "    these data cannot tell it from: {}",
+            ties.join(", ")
+        );
+    }
+}
+
+fn write_gap(out: &mut String, gap: &Gap) {
+    if gap.windows == 0 {
+        return;
+    }
+    let _ = writeln!(
+        out,
+        "\nfree runs of {} s over {} windows that no fit has seen, error in units of the sensor noise (a perfect model shows 1):",
+        number(gap.horizon_s),
+        gap.windows
+    );
+    let mut rows = vec![["coordinate", "before", "after", "noise"].map(str::to_owned)];
+    for c in &gap.coordinates {
+        let noise = with_unit(number(c.noise), &c.unit);
+        rows.push([c.name.clone(), number(c.before), number(c.after), noise]);
+    }
+    if gap.coordinates.len() > 1 {
+        let (before, after) = (number(gap.before), number(gap.after));
+        rows.push(["all".into(), before, after, String::new()]);
+    }
+    let width = rows.iter().map(|r| r[0].chars().count()).max().unwrap_or(0);
+    for [name, before, after, noise] in &rows {
+        let line = format!("  {name:width$}  {before:>9}  {after:>9}  {noise}");
+        let _ = writeln!(out, "{}", line.trim_end());
+    }
+}

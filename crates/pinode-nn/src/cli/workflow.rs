@@ -1,0 +1,157 @@
+//! A diagnosis with its files, as both programs make it.
+
+use std::collections::BTreeSet;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+use super::Output;
+use super::progress::Progress;
+use crate::Error;
+use crate::diagnose::diagnose;
+use crate::diagnose::verdict::Diagnosis;
+use crate::disk::write_atomically;
+use crate::log::Log;
+use crate::model::Model;
+use crate::report;
+
+/// What to diagnose, and where to write.
+#[derive(Debug, Clone, Copy)]
+pub struct Task<'a> {
+    /// The model.
+    pub model: &'a Model,
+    /// The logs; without `held_out`, their last quarter is not fitted.
+    pub logs: &'a [Log],
+    /// Logs that no fit may see.
+    pub held_out: &'a [Log],
+    /// The folder of the results; made where it is missing.
+    pub out: &'a Path,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// What was typed, for the report.
+    pub command: &'a str,
+}
+
+/// A diagnosis that has been written.
+#[derive(Debug, Clone)]
+pub struct Finished {
+    /// What it says.
+    pub diagnosis: Diagnosis,
+    /// `report.html`.
+    pub report: PathBuf,
+    /// `diagnosis.json`.
+    pub json: PathBuf,
+    /// `model.toml`.
+    pub model: PathBuf,
+}
+
+/// Diagnoses and writes `model.toml` (with its URDF beside it), `report.html` and, last, `diagnosis.json`. Each file is written
+/// whole or not at all; when something fails, no new file and no new folder is left.
+///
+/// # Errors
+/// Those of [`diagnose`]; [`Error::OverwritesInput`], [`Error::Io`].
+pub fn run(task: &Task, output: &Output) -> Result<Finished, Error> {
+    let model = task.out.join("model.toml");
+    // Said before the work, not after it.
+    if let (Ok(new), Ok(old)) = (model.canonicalize(), task.model.path.canonicalize())
+        && new == old
+    {
+        return Err(Error::OverwritesInput { path: model });
+    }
+    let folder = Folder::make(task.out)?;
+    let finished = work(task, output);
+    if finished.is_err() {
+        folder.leave_as_it_was();
+    }
+    finished
+}
+
+fn work(task: &Task, output: &Output) -> Result<Finished, Error> {
+    let progress = Progress::new(output);
+    let outcome = diagnose(
+        task.model,
+        task.logs,
+        task.held_out,
+        task.out,
+        task.seed,
+        &|stage| progress.stage(stage),
+    )?;
+    progress.stage("writing the report");
+    let text = std::fs::read_to_string(&outcome.model).map_err(|e| Error::io(&outcome.model, e))?;
+    let report = report::write(
+        task.out,
+        &outcome.diagnosis,
+        &outcome.curves,
+        &text,
+        task.command,
+    )?;
+    let json = task.out.join("diagnosis.json");
+    let mut bytes =
+        serde_json::to_vec_pretty(&outcome.diagnosis).map_err(|e| Error::io(&json, e.into()))?;
+    bytes.push(b'\n');
+    write_atomically(&json, &bytes)?;
+    Ok(Finished {
+        diagnosis: outcome.diagnosis,
+        report,
+        json,
+        model: outcome.model,
+    })
+}
+
+/// A folder, and what was there before.
+struct Folder {
+    path: PathBuf,
+    /// Names in it.
+    before: BTreeSet<OsString>,
+    /// The folders that were made, the deepest first.
+    made: Vec<PathBuf>,
+}
+
+impl Folder {
+    /// Makes the folder with those above it.
+    fn make(path: &Path) -> Result<Self, Error> {
+        let made = path
+            .ancestors()
+            .take_while(|folder| !folder.as_os_str().is_empty() && !folder.exists())
+            .map(Path::to_owned)
+            .collect();
+        let io = |e| Error::io(path, e);
+        std::fs::create_dir_all(path).map_err(io)?;
+        Ok(Folder {
+            path: path.to_owned(),
+            before: names(path).map_err(io)?,
+            made,
+        })
+    }
+
+    /// Removes the files and folders that are new. What cannot be removed stays: the error that led here is the one to tell.
+    fn leave_as_it_was(&self) {
+        let now = names(&self.path).unwrap_or_default();
+        for name in now.difference(&self.before) {
+            let _ = std::fs::remove_file(self.path.join(name));
+        }
+        for folder in &self.made {
+            let _ = std::fs::remove_dir(folder); // refuses a folder with something in it
+        }
+    }
+}
+
+fn names(folder: &Path) -> std::io::Result<BTreeSet<OsString>> {
+    std::fs::read_dir(folder)?
+        .map(|entry| entry.map(|entry| entry.file_name()))
+        .collect()
+}
+
+/// The command line of this process as one could type it again.
+pub fn command_line() -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=,:@+%".contains(c);
+    let quoted = |argument: String| match !argument.is_empty() && argument.chars().all(plain) {
+        true => argument,
+        false => format!("'{}'", argument.replace('\'', "'\\''")),
+    };
+    let mut arguments = std::env::args_os().map(|a| a.to_string_lossy().into_owned());
+    let program = arguments.next().unwrap_or_default();
+    let name = Path::new(&program).file_stem().unwrap_or_default();
+    let mut words = vec![name.to_string_lossy().into_owned()];
+    words.extend(arguments.map(quoted));
+    words.join(" ")
+}
