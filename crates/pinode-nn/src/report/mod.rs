@@ -2,7 +2,7 @@
 
 mod figures;
 mod page;
-mod words;
+pub(crate) mod words;
 
 use std::path::{Path, PathBuf};
 
