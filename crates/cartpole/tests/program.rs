@@ -98,3 +98,23 @@ fn wrong_usage_ends_with_2_and_failed_work_with_1() {
     assert!(text(&failed.stderr).contains("no-such-folder"));
     assert!(!dir.path().join("out").exists());
 }
+
+#[test]
+fn a_clear_effect_is_recorded_found_and_compared_with_the_key() {
+    let dir = tempfile::tempdir().unwrap();
+    let effect = ["--effect", "viscous_friction@pole", "--noise", "low"];
+    let common = ["--seed", "1", "--duration", "20", "--json", "--out", "all"];
+    let output = cartpole(dir.path(), &[&effect[..], &common].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let document: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(document["hidden"]["kind"], "viscous_friction");
+    assert_eq!(document["judgement"], "right", "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("the key is opened"));
+    for path in document["files"].as_object().unwrap().values() {
+        let path = dir.path().join(path.as_str().unwrap());
+        assert!(path.exists(), "{}", path.display());
+    }
+    let written = std::fs::read(dir.path().join("all/diagnosis/diagnosis.json")).unwrap();
+    let written: serde_json::Value = serde_json::from_slice(&written).unwrap();
+    assert_eq!(written, document["diagnosis"]);
+}

@@ -17,3 +17,8 @@ mod error;
 mod naming;
 
 pub use error::Error;
+
+/// The code in the front page runs.
+#[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
+struct FrontPage;

@@ -6,6 +6,9 @@ use crate::diagnose::verdict::{Diagnosis, Gap, Name, NamedEffect};
 use crate::report::verdict_in_words;
 use crate::report::words::{number, percent, quantity, with_unit};
 
+/// Less probable alternatives are left to the document.
+const LEAST_ALTERNATIVE: f64 = 0.005;
+
 /// The verdict, the effects, the gap, faults and advice, as text for a terminal.
 pub fn summary(diagnosis: &Diagnosis) -> String {
     let mut out = format!("{}\n", verdict_in_words(diagnosis));
@@ -50,6 +53,7 @@ fn write_effect(out: &mut String, effect: &NamedEffect) {
     let others: Vec<String> = effect
         .alternatives
         .iter()
+        .filter(|a| a.confidence >= LEAST_ALTERNATIVE)
         .map(|a| format!("{} on {} ({})", a.kind, a.target, percent(a.confidence)))
         .collect();
     if !others.is_empty() {
@@ -76,18 +80,24 @@ fn write_gap(out: &mut String, gap: &Gap) {
         number(gap.horizon_s),
         gap.windows
     );
-    let mut rows = vec![["coordinate", "before", "after", "noise"].map(str::to_owned)];
+    let mut rows = vec![["coordinate", "before", "after", "noise", "left"].map(str::to_owned)];
     for c in &gap.coordinates {
-        let noise = with_unit(number(c.noise), &c.unit);
-        rows.push([c.name.clone(), number(c.before), number(c.after), noise]);
+        let [noise, left] = [c.noise, c.after * c.noise].map(|x| with_unit(number(x), &c.unit));
+        rows.push([
+            c.name.clone(),
+            number(c.before),
+            number(c.after),
+            noise,
+            left,
+        ]);
     }
     if gap.coordinates.len() > 1 {
         let (before, after) = (number(gap.before), number(gap.after));
-        rows.push(["all".into(), before, after, String::new()]);
+        rows.push(["all".into(), before, after, String::new(), String::new()]);
     }
     let width = rows.iter().map(|r| r[0].chars().count()).max().unwrap_or(0);
-    for [name, before, after, noise] in &rows {
-        let line = format!("  {name:width$}  {before:>9}  {after:>9}  {noise}");
+    for [name, before, after, noise, left] in &rows {
+        let line = format!("  {name:width$}  {before:>9}  {after:>9}  {noise:>14}  {left:>14}");
         let _ = writeln!(out, "{}", line.trim_end());
     }
 }
