@@ -2,7 +2,7 @@
 
 use super::smooth::unwrapped;
 use super::verdict::DataFault;
-use crate::log::Log;
+use crate::log::{Log, Run};
 use crate::model::{Model, Velocity};
 use crate::shooting::{Channel, Observations, ObservedRun};
 
@@ -10,7 +10,7 @@ use crate::shooting::{Channel, Observations, ObservedRun};
 pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> (Observations, Vec<DataFault>) {
     let coordinates = model.mechanics.coordinates();
     let nv = coordinates.len();
-    let all: Vec<&crate::log::Run> = logs
+    let all: Vec<&Run> = logs
         .iter()
         .chain(held_out)
         .flat_map(|log| &log.runs)
@@ -109,15 +109,25 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> (Observations, Ve
         valid.push(marked);
     }
     faults.extend(all.iter().filter_map(|run| gaps(&run.t)));
+    let starts = dead_starts(model, &all, &channels, &mut faults);
 
     let runs = all
         .iter()
         .enumerate()
-        .map(|(r, run)| ObservedRun {
-            t: run.t.clone(),
-            u: run.u.clone(),
-            y: columns.iter().map(|column| column[r].clone()).collect(),
-            valid: valid.iter().map(|marks| marks[r].clone()).collect(),
+        .map(|(r, run)| {
+            let from = starts[r];
+            ObservedRun {
+                t: run.t[from..].to_vec(),
+                u: run.u.iter().map(|u| u[from..].to_vec()).collect(),
+                y: columns
+                    .iter()
+                    .map(|column| column[r][from..].to_vec())
+                    .collect(),
+                valid: valid
+                    .iter()
+                    .map(|marks| marks[r][from..].to_vec())
+                    .collect(),
+            }
         })
         .collect();
     (Observations { channels, runs }, faults)
@@ -159,8 +169,8 @@ fn is_difference(t: &[f64], q: &[f64], v: &[f64]) -> bool {
     moving > 0 && agree * 10 > moving * 9
 }
 
-/// False where a sample stands alone: away from the median of the five around it by more than ten times what is usual, and by more
-/// than eight times the noise.
+/// False where a sample stands alone: away from the median of the five around it by more than six times what nine of ten samples
+/// are, and by more than eight times the noise.
 fn without_outliers(y: &[f64], noise: f64) -> Vec<bool> {
     let away: Vec<f64> = (0..y.len())
         .map(|k| {
@@ -169,14 +179,74 @@ fn without_outliers(y: &[f64], noise: f64) -> Vec<bool> {
             (y[k] - median(&mut five)).abs()
         })
         .collect();
-    let usual = 1.4826 * median(&mut away.clone());
-    let limit = (10.0 * usual).max(8.0 * noise);
+    let mut sorted = away.clone();
+    sorted.sort_by(f64::total_cmp);
+    let usual = sorted.get(sorted.len() * 9 / 10).copied().unwrap_or(0.0);
+    let limit = (6.0 * usual).max(8.0 * noise);
     (0..y.len())
         .map(|k| {
             // At the ends of a recording the five do not surround the sample.
             k < 2 || k + 2 >= y.len() || away[k] <= limit
         })
         .collect()
+}
+
+/// The first sample of each recording that counts: behind a dead start, in which an input as large as those that move the mechanism
+/// later does not move it. Every recording must have one: a joint that sticks rests now and then.
+fn dead_starts(
+    model: &Model,
+    runs: &[&Run],
+    channels: &[Channel],
+    faults: &mut Vec<DataFault>,
+) -> Vec<usize> {
+    for (i, input) in model.inputs.iter().enumerate() {
+        let noise = channels[input.coordinate].noise;
+        let ends: Vec<usize> = runs
+            .iter()
+            .filter_map(|run| dead_until(&run.q[input.coordinate], &run.u[i], noise))
+            .collect();
+        if runs.len() > 1 && ends.len() == runs.len() {
+            let coordinate = &model.mechanics.coordinates()[input.coordinate].name;
+            faults.push(DataFault {
+                kind: "dead_start".into(),
+                column: format!("u.{}", input.name),
+                when: runs
+                    .iter()
+                    .zip(&ends)
+                    .map(|(run, &k)| [run.t[0], run.t[k]])
+                    .collect(),
+                detail: format!(
+                    "every recording starts with the input at work and `{coordinate}` at rest; these stretches are left out of \
+                     all fits"
+                ),
+            });
+            return ends;
+        }
+    }
+    vec![0; runs.len()]
+}
+
+/// The end of a rest under full input in the first quarter of a recording, of at least ten samples.
+fn dead_until(q: &[f64], u: &[f64], noise: f64) -> Option<usize> {
+    let low = q.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = q.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let still = (6.0 * noise).max(1e-3 * (high - low));
+    let size = |u: &[f64]| u.iter().map(|u| u.abs()).sum::<f64>() / u.len().max(1) as f64;
+    let usual = size(u);
+    let mut from = 0;
+    let mut end = None;
+    for k in 1..q.len() {
+        if (q[k] - q[from]).abs() > still {
+            if k - from >= 10 && size(&u[from..k]) > 0.7 * usual {
+                end = Some(k);
+            }
+            if from > q.len() / 4 {
+                break;
+            }
+            from = k;
+        }
+    }
+    end.filter(|_| usual > 0.0)
 }
 
 fn gaps(t: &[f64]) -> Option<DataFault> {
@@ -222,6 +292,17 @@ mod tests {
         y[100] += 0.5;
         let valid = without_outliers(&y, 1e-3);
         assert!(!valid[100] && valid.iter().filter(|v| !**v).count() == 1);
+    }
+
+    #[test]
+    fn a_rest_under_full_input_at_the_start_is_dead_and_a_later_one_is_not() {
+        let u: Vec<f64> = (0..1000).map(|k| 3.0 * (0.1 * k as f64).sin()).collect();
+        let mut q: Vec<f64> = (0..1000).map(|k| 0.1 * (0.1 * k as f64).cos()).collect();
+        assert_eq!(dead_until(&q, &u, 1e-5), None);
+        q[500..600].fill(q[500]);
+        assert_eq!(dead_until(&q, &u, 1e-5), None);
+        q[20..120].fill(0.05);
+        assert_eq!(dead_until(&q, &u, 1e-5), Some(120));
     }
 
     #[test]

@@ -78,33 +78,111 @@ pub const UNEXPLAINED: (f64, f64) = (1.6, 5.0);
 pub type Report<'a> = &'a dyn Fn(&str);
 
 /// Searches for what `null` is missing.
+///
+/// When one effect does not suffice, the strongest rivals of the first are followed as well: a stand-in that is accepted first can
+/// shut out a pair that explains more.
 pub fn search(study: &Study, null: Fitted, seed: u64, report: Report) -> Search {
-    let mut steps: Vec<Step> = Vec::new();
-    let mut current = null.clone();
-    let mut added: Vec<Candidate> = Vec::new();
-    while added.len() < MOST_EFFECTS {
-        let step = one_step(study, &current, added.is_empty(), seed, report);
-        let accepted = step.accepted.map(|k| step.contenders[k].clone());
-        steps.push(step);
-        let Some(accepted) = accepted else {
-            break;
-        };
-        for candidate in &accepted.added {
-            report(&format!(
-                "accepted: {} (z {:.1}, held out {:.1})",
-                candidate.kind.name, accepted.comparison.inside.z, accepted.comparison.outside.z
-            ));
-        }
-        added.extend(accepted.added.iter().copied());
-        current = accepted.fitted;
-        prune(study, &mut current, &mut added, report);
+    let first = one_step(study, &null, true, seed, report);
+    let mut path = Path::new(null.clone(), first.clone());
+    if let Some(k) = first.accepted {
+        path.follow(study, k, seed, report);
     }
+    if path.added.len() > 1 {
+        for k in rivals_of_the_first(&first, &null) {
+            report(&format!(
+                "following {} instead",
+                first.contenders[k].added[0].kind.name
+            ));
+            let mut other = Path::new(null.clone(), first.clone());
+            other.follow(study, k, seed, report);
+            if other.beats(&path) {
+                path = other;
+            }
+        }
+    }
+    let Path {
+        mut current,
+        mut added,
+        steps,
+    } = path;
     let found = revisit(study, &mut current, &mut added, &steps, seed, report);
     Search {
         null,
         steps,
         found,
         model: current,
+    }
+}
+
+/// The contenders of the first step besides the accepted one that would have been accepted themselves and gain nearly half as much;
+/// at most two.
+fn rivals_of_the_first(first: &Step, null: &Fitted) -> Vec<usize> {
+    let Some(accepted) = first.accepted else {
+        return Vec::new();
+    };
+    let base = null.score(0);
+    let gain = first.contenders[accepted].score - base;
+    (0..first.contenders.len())
+        .filter(|&k| {
+            let rival = &first.contenders[k];
+            k != accepted && rival.comparison.accepts() && rival.score - base > 0.4 * gain
+        })
+        .take(2)
+        .collect()
+}
+
+/// One way from the null model on.
+struct Path {
+    steps: Vec<Step>,
+    added: Vec<Candidate>,
+    current: Fitted,
+}
+
+impl Path {
+    fn new(null: Fitted, first: Step) -> Self {
+        Path {
+            steps: vec![first],
+            added: Vec::new(),
+            current: null,
+        }
+    }
+
+    /// Takes contender `k` of the first step and goes on until nothing is accepted.
+    fn follow(&mut self, study: &Study, k: usize, seed: u64, report: Report) {
+        let mut next = Some(k);
+        while let Some(k) = next {
+            if let Some(step) = self.steps.last_mut() {
+                step.accepted = Some(k);
+                let accepted = step.contenders[k].clone();
+                self.take(study, accepted, report);
+            }
+            if self.added.len() >= MOST_EFFECTS {
+                break;
+            }
+            let step = one_step(study, &self.current, false, seed, report);
+            next = step.accepted;
+            self.steps.push(step);
+        }
+    }
+
+    fn take(&mut self, study: &Study, accepted: Contender, report: Report) {
+        for candidate in &accepted.added {
+            report(&format!(
+                "accepted: {} (z {:.1}, held out {:.1})",
+                candidate.kind.name, accepted.comparison.inside.z, accepted.comparison.outside.z
+            ));
+        }
+        self.added.extend(accepted.added);
+        self.current = accepted.fitted;
+        prune(study, &mut self.current, &mut self.added, report);
+    }
+
+    /// Whether this model explains the windows better, or as well with fewer constants.
+    fn beats(&self, other: &Path) -> bool {
+        let comparison = Comparison::of(&self.current, &other.current);
+        let (z_in, z_out) = (comparison.inside.z, comparison.outside.z);
+        let simpler = self.current.inside.free.len() < other.current.inside.free.len();
+        (z_in > 2.0 && z_out > -2.0) || (simpler && z_in > -2.0 && z_out > 0.0)
     }
 }
 
@@ -245,10 +323,27 @@ fn accept(study: &Study, current: &Fitted, contenders: &mut [Contender]) -> Opti
         let sound = is_numerically_sound(study, current, contender);
         contender.numerically_sound = Some(sound);
         if sound {
-            return Some(k);
+            return Some(simpler(contenders, k).unwrap_or(k));
         }
     }
     None
+}
+
+/// A contender that the `k`th contains as a special case and that explains the windows as well: the simpler name is meant.
+fn simpler(contenders: &[Contender], k: usize) -> Option<usize> {
+    let best = &contenders[k];
+    let [named] = best.added[..] else {
+        return None;
+    };
+    contenders.iter().position(|other| {
+        let [simple] = other.added[..] else {
+            return false;
+        };
+        simple.target == named.target
+            && named.kind.contains.contains(&simple.kind.name)
+            && other.comparison.accepts()
+            && Comparison::of(&best.fitted, &other.fitted).inside.z < 2.0
+    })
 }
 
 /// Whether the gain stands when both models are fitted with half the step and half the smoothing.
@@ -332,7 +427,11 @@ fn revisit(
             report(&format!("revisiting {}", added[k].kind.name));
             let mut rivals = rivals(study, current, &reduced, added, k);
             rank(&mut rivals, seed);
-            if let Some(best) = rivals.first()
+            let own = rivals.iter().position(|r| r.added[0] == added[k]);
+            if let Some(simple) = own.and_then(|own| simpler(&rivals, own)) {
+                added[k] = rivals[simple].added[0];
+                *current = rivals[simple].fitted.clone();
+            } else if let Some(best) = rivals.first()
                 && best.added[0] != added[k]
                 && best.wins > 0.9
                 && Comparison::of(&best.fitted, current).inside.z > 2.0
@@ -404,13 +503,17 @@ fn weigh(
             continue;
         };
         let twin = are_twins(&candidate, &other);
-        if other == candidate || twin {
+        // A kind that contains the found one always fits as well: the simpler name is meant, and its wins are this one's.
+        let contains =
+            other.target == candidate.target && other.kind.contains.contains(&candidate.kind.name);
+        if other == candidate || twin || contains {
             confidence += rival.wins;
         } else if rival.wins > 0.0 {
             alternatives.push((other, rival.wins));
         }
         let tied = own.is_some_and(|own| {
             other != candidate
+                && !contains
                 && Comparison::of(&own.fitted, &rival.fitted).inside.z.abs() < 2.0
                 && rival.comparison.accepts()
         });

@@ -2,8 +2,8 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::problem::Problem;
-use super::{Observations, Window};
+use super::problem::{Problem, Rolled};
+use super::{Channel, Observations, Window};
 use crate::hybrid::Hybrid;
 
 /// How a fit ends and how finely it integrates.
@@ -120,13 +120,14 @@ fn damped_step(
 /// Fits θ_free and the initial states to the windows, from the model's θ and the states given.
 ///
 /// `sigma` are the standard deviations to start with, one a channel; they are estimated anew with every step.
+#[allow(clippy::too_many_arguments)]
 pub fn fit(
     hybrid: &Hybrid,
     observations: &Observations,
     windows: &[Window],
     free: &[usize],
     mut theta: Vec<f64>,
-    mut states: Vec<Vec<f64>>,
+    states: Vec<Vec<f64>>,
     mut sigma: Vec<f64>,
     options: &FitOptions,
 ) -> Fit {
@@ -134,22 +135,26 @@ pub fn fit(
     let problem = surroundings(free);
     let states_only = surroundings(&[]);
 
+    let channels = &observations.channels;
+    let mut now = problem.rolled(&theta, states);
     for _ in 0..options.state_iterations {
-        let reduced = states_only.reduced(&theta, &states, &sigma);
+        let reduced = states_only.reduced(&theta, &now, &sigma);
         let steps: Vec<_> = reduced
             .into_iter()
             .map(|r| r.map(|r| r.state_step))
             .collect();
-        let stepped = states_only.step_states(&theta, &states, &steps, &sigma);
-        states = stepped.into_iter().map(|(state, _)| state).collect();
-        sigma = spread(&problem, &theta, &states);
+        now = states_only.stepped(&theta, &now, &steps, &sigma);
+        sigma = spread(channels, &now);
     }
 
+    let total = |theta: &[f64], now: &[Rolled], sigma: &[f64]| -> f64 {
+        problem.prior_loss(theta) + now.iter().map(|w| w.loss(sigma)).sum::<f64>()
+    };
     let mut converged = false;
     let mut damping = 1e-3;
-    let mut loss = total(&problem, &theta, &states, &sigma);
+    let mut loss = total(&theta, &now, &sigma);
     for _ in 0..options.iterations {
-        let reduced = problem.reduced(&theta, &states, &sigma);
+        let reduced = problem.reduced(&theta, &now, &sigma);
         let (s, g) = problem.assemble(&theta, &reduced);
         let mut accepted = false;
         let before = loss;
@@ -164,12 +169,11 @@ pub fn fit(
                 .iter()
                 .map(|r| r.as_ref().map(|r| &r.state_step - &r.state_by_theta * &d))
                 .collect();
-            let stepped = problem.step_states(&trial, &states, &steps, &sigma);
-            let trial_loss =
-                problem.prior_loss(&trial) + stepped.iter().map(|(_, loss)| loss).sum::<f64>();
+            let stepped = problem.stepped(&trial, &now, &steps, &sigma);
+            let trial_loss = total(&trial, &stepped, &sigma);
             if trial_loss < loss {
                 theta = trial;
-                states = stepped.into_iter().map(|(state, _)| state).collect();
+                now = stepped;
                 loss = trial_loss;
                 damping = (damping * 0.1).max(1e-9);
                 accepted = true;
@@ -178,16 +182,15 @@ pub fn fit(
             damping *= 10.0;
         }
         let decrease = before - loss;
-        let new_sigma = spread(&problem, &theta, &states);
+        let new_sigma = spread(channels, &now);
         let change = sigma
             .iter()
             .zip(&new_sigma)
             .map(|(old, new)| (new / old - 1.0).abs())
             .fold(0.0, f64::max);
         sigma = new_sigma;
-        let small = decrease < 0.3 + 1e-4 * before;
-        loss = total(&problem, &theta, &states, &sigma);
-        if (small && change < 3e-3) || !accepted && change < 3e-3 {
+        loss = total(&theta, &now, &sigma);
+        if decrease < 0.3 + 1e-4 * before && change < 3e-3 {
             converged = true;
             break;
         }
@@ -196,15 +199,14 @@ pub fn fit(
         }
     }
 
-    let reduced = problem.reduced(&theta, &states, &sigma);
+    let reduced = problem.reduced(&theta, &now, &sigma);
     let (information, _) = problem.assemble(&theta, &reduced);
-    let (squares, _) = problem.squares(&theta, &states);
     Fit {
         theta,
         free: free.to_vec(),
-        states,
+        squares: now.iter().map(|w| w.squares(channels.len())).collect(),
+        states: now.into_iter().map(|w| w.state).collect(),
         sigma,
-        squares,
         information,
         gradients: reduced.into_iter().map(|r| r.map(|r| r.g)).collect(),
         loss,
@@ -212,24 +214,18 @@ pub fn fit(
     }
 }
 
-fn total(problem: &Problem, theta: &[f64], states: &[Vec<f64>], sigma: &[f64]) -> f64 {
-    let none = vec![None; states.len()];
-    let windows = problem.step_states(theta, states, &none, sigma);
-    problem.prior_loss(theta) + windows.iter().map(|(_, loss)| loss).sum::<f64>()
-}
-
 /// Robust standard deviation of the residuals of each channel, at least the sensor's noise.
-fn spread(problem: &Problem, theta: &[f64], states: &[Vec<f64>]) -> Vec<f64> {
-    let (_, by_channel) = problem.squares(theta, states);
-    problem
-        .observations
-        .channels
+fn spread(channels: &[Channel], now: &[Rolled]) -> Vec<f64> {
+    let mut sizes = vec![Vec::new(); channels.len()];
+    for &(c, r) in now.iter().flat_map(|w| w.residuals.iter().flatten()) {
+        sizes[c].push(r.abs());
+    }
+    channels
         .iter()
-        .zip(by_channel)
-        .map(|(channel, residuals)| {
-            let mut size: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
-            size.sort_by(f64::total_cmp);
-            let median = size.get(size.len() / 2).copied().unwrap_or(0.0);
+        .zip(&mut sizes)
+        .map(|(channel, sizes)| {
+            sizes.sort_unstable_by(f64::total_cmp);
+            let median = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
             (1.4826 * median).max(channel.noise)
         })
         .collect()

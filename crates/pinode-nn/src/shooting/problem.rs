@@ -10,6 +10,39 @@ use crate::hybrid::{DrivenInputs, Hybrid};
 /// The loss of a window whose roll-out diverges.
 const DIVERGED_LOSS: f64 = 1e9;
 
+/// A window's initial state and the roll-out from it.
+#[derive(Debug, Clone)]
+pub(crate) struct Rolled {
+    pub state: Vec<f64>,
+    /// Channel and y − ŷ of every valid measurement; none where the roll-out diverges.
+    pub residuals: Option<Vec<(usize, f64)>>,
+}
+
+impl Rolled {
+    pub fn loss(&self, sigma: &[f64]) -> f64 {
+        match &self.residuals {
+            Some(residuals) => residuals
+                .iter()
+                .map(|&(c, r)| huber_loss(r / sigma[c]))
+                .sum(),
+            None => DIVERGED_LOSS,
+        }
+    }
+
+    /// Sum of squared residuals and their number, one a channel; infinite where the roll-out diverges.
+    pub fn squares(&self, channels: usize) -> Vec<(f64, usize)> {
+        let Some(residuals) = &self.residuals else {
+            return vec![(f64::INFINITY, 0); channels];
+        };
+        let mut squares = vec![(0.0, 0); channels];
+        for &(c, r) in residuals {
+            squares[c].0 += r * r;
+            squares[c].1 += 1;
+        }
+        squares
+    }
+}
+
 /// One fit's fixed surroundings.
 pub(crate) struct Problem<'a> {
     pub hybrid: &'a Hybrid,
@@ -84,17 +117,11 @@ impl<'a> Problem<'a> {
         )
     }
 
-    pub fn loss_of(&self, window: &Window, zeros: &[f64], sigma: &[f64], states: &[f64]) -> f64 {
-        self.residuals(window, zeros, states)
-            .map(|r| huber_loss(r.value / sigma[r.channel]))
-            .sum()
-    }
-
     /// Reduced equations of all windows at (θ, states); `None` where they fail.
     pub fn reduced(
         &self,
         theta: &[f64],
-        states: &[Vec<f64>],
+        present: &[Rolled],
         sigma: &[f64],
     ) -> Vec<Option<Reduced>> {
         let inputs = self.drive(theta);
@@ -102,7 +129,7 @@ impl<'a> Problem<'a> {
         let nx = 2 * self.hybrid.nv();
         self.windows
             .par_iter()
-            .zip(states)
+            .zip(present)
             .map_init(
                 || {
                     let row = vec![0.0; nx + self.free.len()];
@@ -112,13 +139,13 @@ impl<'a> Problem<'a> {
                         row,
                     )
                 },
-                |(roller, trajectory, row), (window, state)| {
+                |(roller, trajectory, row), (window, present)| {
                     roller
                         .roll_with_sensitivities(
                             theta,
                             &inputs[window.run],
                             (window.first, window.count),
-                            state,
+                            &present.state,
                             trajectory,
                         )
                         .ok()?;
@@ -136,103 +163,88 @@ impl<'a> Problem<'a> {
             .collect()
     }
 
-    /// The best state of every window near `states`, among full, short and no step, and its loss.
-    pub fn step_states(
-        &self,
-        theta: &[f64],
-        states: &[Vec<f64>],
-        steps: &[Option<DVector<f64>>],
-        sigma: &[f64],
-    ) -> Vec<(Vec<f64>, f64)> {
+    /// The roll-outs from the given initial states.
+    pub fn rolled(&self, theta: &[f64], states: Vec<Vec<f64>>) -> Vec<Rolled> {
         let inputs = self.drive(theta);
         let zeros = self.zeros(theta);
         self.windows
             .par_iter()
             .zip(states)
-            .zip(steps)
             .map_init(
                 || (Roller::new(self.hybrid, &[]), Trajectory::default()),
-                |(roller, trajectory), ((window, state), step)| {
-                    let mut loss_at = |x: &[f64]| {
-                        let window_inputs = &inputs[window.run];
-                        match roller.roll(
-                            theta,
-                            window_inputs,
-                            (window.first, window.count),
-                            x,
-                            trajectory,
-                        ) {
-                            Ok(()) => self.loss_of(window, &zeros, sigma, &trajectory.states),
-                            Err(_) => DIVERGED_LOSS,
-                        }
-                    };
-                    let mut best = (state.clone(), loss_at(state));
-                    if let Some(step) = step {
-                        for fraction in [1.0, 0.3] {
-                            let x: Vec<f64> = state
-                                .iter()
-                                .zip(step.iter())
-                                .map(|(x, d)| x + fraction * d)
-                                .collect();
-                            let loss = loss_at(&x);
-                            if loss < best.1 {
-                                best = (x, loss);
-                                break;
-                            }
-                        }
-                    }
-                    best
+                |(roller, trajectory), (window, state)| {
+                    self.roll(roller, trajectory, theta, &inputs, &zeros, window, state)
                 },
             )
             .collect()
     }
 
-    /// Sums of squared residuals and their numbers, per window and channel, and all residuals by channel.
-    #[allow(clippy::type_complexity)]
-    pub fn squares(
+    /// The roll-outs after a step of every initial state: the full one where it does not raise the loss above the present one, else
+    /// the best of full, short and none.
+    pub fn stepped(
         &self,
         theta: &[f64],
-        states: &[Vec<f64>],
-    ) -> (Vec<Vec<(f64, usize)>>, Vec<Vec<f64>>) {
+        present: &[Rolled],
+        steps: &[Option<DVector<f64>>],
+        sigma: &[f64],
+    ) -> Vec<Rolled> {
         let inputs = self.drive(theta);
         let zeros = self.zeros(theta);
-        let channels = self.observations.channels.len();
-        let per_window: Vec<Option<Vec<Vec<f64>>>> = self
-            .windows
+        self.windows
             .par_iter()
-            .zip(states)
+            .zip(present)
+            .zip(steps)
             .map_init(
                 || (Roller::new(self.hybrid, &[]), Trajectory::default()),
-                |(roller, trajectory), (window, state)| {
-                    let span = (window.first, window.count);
-                    roller
-                        .roll(theta, &inputs[window.run], span, state, trajectory)
-                        .ok()?;
-                    let mut all = vec![Vec::new(); channels];
-                    for r in self.residuals(window, &zeros, &trajectory.states) {
-                        all[r.channel].push(r.value);
+                |(roller, trajectory), ((window, present), step)| {
+                    let limit = present.loss(sigma);
+                    let fractions: &[f64] = match step {
+                        Some(_) => &[1.0, 0.3, 0.0],
+                        None => &[0.0],
+                    };
+                    let mut best: Option<(f64, Rolled)> = None;
+                    for fraction in fractions {
+                        let mut state = present.state.clone();
+                        for (x, d) in state.iter_mut().zip(step.iter().flat_map(|d| d.iter())) {
+                            *x += fraction * d;
+                        }
+                        let rolled =
+                            self.roll(roller, trajectory, theta, &inputs, &zeros, window, state);
+                        let loss = rolled.loss(sigma);
+                        if best.as_ref().is_none_or(|(least, _)| loss < *least) {
+                            best = Some((loss, rolled));
+                        }
+                        if loss <= limit {
+                            break;
+                        }
                     }
-                    Some(all)
+                    best.map_or_else(|| present.clone(), |(_, rolled)| rolled)
                 },
             )
-            .collect();
-        let mut by_channel = vec![Vec::new(); channels];
-        let squares = per_window
-            .into_iter()
-            .map(|window| match window {
-                None => vec![(f64::INFINITY, 0); channels],
-                Some(all) => all
-                    .into_iter()
-                    .enumerate()
-                    .map(|(c, values)| {
-                        let sum = (values.iter().map(|r| r * r).sum(), values.len());
-                        by_channel[c].extend(values);
-                        sum
-                    })
-                    .collect(),
-            })
-            .collect();
-        (squares, by_channel)
+            .collect()
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn roll(
+        &self,
+        roller: &mut Roller,
+        trajectory: &mut Trajectory,
+        theta: &[f64],
+        inputs: &[DrivenInputs],
+        zeros: &[f64],
+        window: &Window,
+        state: Vec<f64>,
+    ) -> Rolled {
+        let span = (window.first, window.count);
+        let residuals = roller
+            .roll(theta, &inputs[window.run], span, &state, trajectory)
+            .is_ok()
+            .then(|| {
+                self.residuals(window, zeros, &trajectory.states)
+                    .map(|r| (r.channel, r.value))
+                    .collect()
+            });
+        Rolled { state, residuals }
     }
 
     /// Loss of the priors: Σ ½ ((θ − θ₀)/tolerance)².
