@@ -41,7 +41,7 @@ pub fn initial_states(model: &Model, run: &Run, kind: Initial) -> Vec<Vec<f64>> 
                 valid: vec![vec![true; run.len()]; q.len()],
                 y: q,
             };
-            let smoothed = smooth(&observed, coordinates.len(), &wraps, SMOOTHING);
+            let smoothed = smooth(&observed, &wraps, SMOOTHING);
             (0..run.len()).map(|k| smoothed.state(k)).collect()
         }
         Initial::Measured => {

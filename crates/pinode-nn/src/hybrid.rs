@@ -346,7 +346,7 @@ impl Hybrid {
         signal.value.iter_mut().for_each(|u| *u *= gain);
     }
 
-    /// Memory for [`acceleration`](Self::acceleration) and [`Linear`] for one thread.
+    /// Memory for [`acceleration`](Self::acceleration) and [`linearize`](Self::linearize) for one thread.
     pub fn memory(&self, free: &[usize]) -> Memory {
         let n = self.nv();
         let mechanics: Vec<usize> = free

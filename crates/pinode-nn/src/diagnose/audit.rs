@@ -169,26 +169,32 @@ fn is_difference(t: &[f64], q: &[f64], v: &[f64]) -> bool {
     moving > 0 && agree * 10 > moving * 9
 }
 
-/// False where a sample stands alone: away from the median of the five around it by more than six times what nine of ten samples
-/// are, and by more than eight times the noise.
+/// False where a sample stands alone: away from the cubic through its four neighbours,
+///
+/// e_k = y_k − (−y_{k−2} + 4 y_{k−1} + 4 y_{k+1} − y_{k+2}) / 6,
+///
+/// by more than eight times the noise, by more than eight times what is usual around it (fast motion is no fault), and by more than
+/// its neighbours, whom a glitch pulls along.
 fn without_outliers(y: &[f64], noise: f64) -> Vec<bool> {
-    let away: Vec<f64> = (0..y.len())
-        .map(|k| {
-            let first = k.saturating_sub(2).min(y.len().saturating_sub(5));
-            let mut five: Vec<f64> = y[first..(first + 5).min(y.len())].to_vec();
-            (y[k] - median(&mut five)).abs()
-        })
+    let mut valid = vec![true; y.len()];
+    let away: Vec<f64> = y
+        .windows(5)
+        .map(|w| (w[2] - (4.0 * (w[1] + w[3]) - w[0] - w[4]) / 6.0).abs())
         .collect();
-    let mut sorted = away.clone();
-    sorted.sort_by(f64::total_cmp);
-    let usual = sorted.get(sorted.len() * 9 / 10).copied().unwrap_or(0.0);
-    let limit = (6.0 * usual).max(8.0 * noise);
-    (0..y.len())
-        .map(|k| {
-            // At the ends of a recording the five do not surround the sample.
-            k < 2 || k + 2 >= y.len() || away[k] <= limit
-        })
-        .collect()
+    for (i, &e) in away.iter().enumerate() {
+        let near = away.get(i.saturating_sub(2)..(i + 3).min(away.len()));
+        let largest = near.is_some_and(|near| near.iter().all(|&other| other <= e));
+        if e <= 8.0 * noise || !largest {
+            continue;
+        }
+        let first = i.saturating_sub(15);
+        let mut around: Vec<f64> = (first..(i + 16).min(away.len()))
+            .filter(|k| k.abs_diff(i) > 2)
+            .map(|k| away[k])
+            .collect();
+        valid[i + 2] = e <= 8.0 * median(&mut around);
+    }
+    valid
 }
 
 /// The first sample of each recording that counts: behind a dead start, in which an input as large as those that move the mechanism

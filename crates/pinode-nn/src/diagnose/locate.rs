@@ -99,7 +99,7 @@ pub fn locate(
                 share: 0.0,
                 rms: square.sqrt(),
                 unit: coordinate.force_unit().into(),
-                r#where: signals.words(c, best, share, force),
+                r#where: signals.words(best, share, force),
                 when: intervals(&times, force, half_width),
             };
             let residual = ResidualForce {
@@ -164,12 +164,12 @@ impl Signals {
         reversal: &[f64],
     ) {
         let mut all = Vec::with_capacity(self.names.len());
-        for c in 0..smooth.q.len() {
+        for (c, since) in reversal.iter().enumerate() {
             all.extend([
                 smooth.q[c][k],
                 smooth.v[c][k],
                 smooth.a[c][k],
-                run.t[k] - reversal[c],
+                run.t[k] - since,
             ]);
         }
         for u in &run.u {
@@ -220,7 +220,7 @@ impl Signals {
         shares
     }
 
-    fn words(&self, _coordinate: usize, best: usize, share: f64, force: &[f64]) -> String {
+    fn words(&self, best: usize, share: f64, force: &[f64]) -> String {
         let n = force.len().max(1) as f64;
         let mean = force.iter().sum::<f64>() / n;
         let rms = (force.iter().map(|f| f * f).sum::<f64>() / n).sqrt();

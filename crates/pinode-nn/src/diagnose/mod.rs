@@ -1,11 +1,11 @@
 //! The missing-physics workflow: find where model and measured data disagree, name what is missing, add it, show the gap shrink.
 //!
-//! 1. [`audit`](self::audit): noise of the sensors, outliers and gaps, from the log alone.
+//! 1. Audit: noise of the sensors, outliers and gaps, from the log alone.
 //! 2. The model as given is fitted within its tolerances: that is the null model.
-//! 3. [`locate`](self::locate): the force it lacks, by coordinate and signal. This explains; it does not decide.
-//! 4. [`search`](self::search): every candidate is screened from one linearisation; the best are refined by a fit; one is accepted
+//! 3. Locate: the force it lacks, by coordinate and signal. This explains; it does not decide.
+//! 4. Search: every candidate is screened from one linearisation; the best are refined by a fit; one is accepted
 //!    when it explains the windows better, pair by pair, both on those the fit saw and on those held out.
-//! 5. The new model is written, read back, and run free over held-out data ([`gap`](self::gap)).
+//! 5. The new model is written, read back, and run free over held-out data.
 
 mod advise;
 mod audit;

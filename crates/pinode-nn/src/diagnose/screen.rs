@@ -271,7 +271,7 @@ impl Screen {
                 let (dii, djj) = (self.information[(i, i)], self.information[(j, j)]);
                 let dij = self.information[(i, j)];
                 let determinant = dii * djj - dij * dij;
-                if !(determinant > 1e-8 * dii * djj) {
+                if determinant.is_nan() || determinant <= 1e-8 * dii * djj {
                     continue;
                 }
                 let (bi, bj) = (self.total(i), self.total(j));

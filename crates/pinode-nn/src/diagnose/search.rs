@@ -114,21 +114,43 @@ pub fn search(study: &Study, null: Fitted, seed: u64, report: Report) -> Search 
     }
 }
 
-/// The contenders of the first step besides the accepted one that would have been accepted themselves and gain nearly half as much;
-/// at most two.
+/// Contenders of the first step, of other kinds than the accepted one, that would have been accepted themselves and gain nearly half
+/// as much; at most two. Of kinds that contain one another the simplest stands for all.
 fn rivals_of_the_first(first: &Step, null: &Fitted) -> Vec<usize> {
     let Some(accepted) = first.accepted else {
         return Vec::new();
     };
     let base = null.score(0);
     let gain = first.contenders[accepted].score - base;
-    (0..first.contenders.len())
-        .filter(|&k| {
-            let rival = &first.contenders[k];
-            k != accepted && rival.comparison.accepts() && rival.score - base > 0.4 * gain
-        })
-        .take(2)
-        .collect()
+    let root = |k: usize| {
+        let added = first.contenders[k].added[0];
+        (
+            added
+                .kind
+                .contains
+                .first()
+                .copied()
+                .unwrap_or(added.kind.name),
+            added.target,
+        )
+    };
+    let mut rivals: Vec<usize> = Vec::new();
+    for (k, rival) in first.contenders.iter().enumerate() {
+        let strong = rival.comparison.accepts() && rival.score - base > 0.4 * gain;
+        if !strong || root(k) == root(accepted) {
+            continue;
+        }
+        match rivals.iter_mut().find(|other| root(**other) == root(k)) {
+            Some(other) => {
+                if rival.added[0].kind.contains.is_empty() {
+                    *other = k;
+                }
+            }
+            None => rivals.push(k),
+        }
+    }
+    rivals.truncate(2);
+    rivals
 }
 
 /// One way from the null model on.

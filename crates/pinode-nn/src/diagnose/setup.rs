@@ -7,12 +7,14 @@ use crate::Error;
 use crate::effect::Scales;
 use crate::hybrid::Hybrid;
 use crate::model::Model;
-use crate::shooting::{Observations, Roller, Trajectory, Windows};
+use crate::shooting::{Observations, Roller, Trajectory, Window, Windows};
 
 /// Length of a window, s, unless the motion is fast: then five of its periods.
 pub const WINDOW_S: f64 = 0.6;
 /// At least so many windows are needed on the seen side, and half as many on the other.
 pub const FEWEST_WINDOWS: usize = 8;
+/// More windows than this are not fitted, and a third as many not held out: those taken are spread evenly over the log.
+const MOST_WINDOWS: usize = 300;
 /// The integration step starts at or below this, s.
 const COARSEST_STEP: f64 = 5e-3;
 /// Samples of a period of the motion that are kept, at least.
@@ -53,6 +55,10 @@ pub fn prepare(
     let observations =
         observations.thinned(COARSEST_STEP.min(1.0 / (SAMPLES_PER_PERIOD * frequency)));
     let windows = Windows::cut(&observations, fit_runs, window);
+    let windows = Windows {
+        fit: spread_over(windows.fit, MOST_WINDOWS),
+        held_out: spread_over(windows.held_out, MOST_WINDOWS / 3),
+    };
     let needed = (FEWEST_WINDOWS, FEWEST_WINDOWS / 2);
     if windows.fit.len() < needed.0 || windows.held_out.len() < needed.1 {
         return Err(Error::TooShort {
@@ -71,7 +77,7 @@ pub fn prepare(
     let smoothed: Vec<Smoothed> = observations
         .runs
         .iter()
-        .map(|run| smooth(run, nv, &wraps, half_width))
+        .map(|run| smooth(run, &wraps, half_width))
         .collect();
     let scales = scales(&hybrid, &smoothed);
     let mut intervals: Vec<f64> = observations
@@ -82,7 +88,7 @@ pub fn prepare(
     let interval = median(&mut intervals);
     let substeps = ((interval / COARSEST_STEP).ceil() as usize).clamp(1, MOST_SUBSTEPS);
 
-    let guess = |windows: &[crate::shooting::Window]| -> Vec<Vec<f64>> {
+    let guess = |windows: &[Window]| -> Vec<Vec<f64>> {
         windows
             .iter()
             .map(|w| smoothed[w.run].state(w.first))
@@ -126,6 +132,15 @@ pub fn prepare(
         half_width,
         window,
     })
+}
+
+/// At most `most` of the windows, evenly spread.
+fn spread_over(windows: Vec<Window>, most: usize) -> Vec<Window> {
+    let n = windows.len();
+    if n <= most {
+        return windows;
+    }
+    (0..most).map(|i| windows[i * n / most]).collect()
 }
 
 /// Crossings of the middle by a position, per second and halved; a crossing counts when the motion leaves a fifth of its deviation.

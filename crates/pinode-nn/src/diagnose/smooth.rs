@@ -23,15 +23,16 @@ impl Smoothed {
     }
 }
 
-/// Cubics fitted by least squares to the samples within `half_width` s (and at least three on either side) of every sample.
-pub fn smooth(run: &ObservedRun, nv: usize, wraps: &[bool], half_width: f64) -> Smoothed {
+/// The coordinates, each wrapping or not, by cubics fitted by least squares to the samples within `half_width` s (and at least three on either side) of every sample.
+pub fn smooth(run: &ObservedRun, wraps: &[bool], half_width: f64) -> Smoothed {
+    let nv = wraps.len();
     let mut smoothed = Smoothed {
         q: Vec::with_capacity(nv),
         v: Vec::with_capacity(nv),
         a: Vec::with_capacity(nv),
     };
-    for c in 0..nv {
-        let y = if wraps[c] {
+    for (c, &wraps) in wraps.iter().enumerate() {
+        let y = if wraps {
             unwrapped(&run.y[c])
         } else {
             run.y[c].clone()
@@ -108,7 +109,7 @@ mod tests {
             y: vec![y],
             t,
         };
-        let smoothed = smooth(&run, 1, &[true], 0.06);
+        let smoothed = smooth(&run, &[true], 0.06);
         for k in [0, 20, 59] {
             let t = run.t[k];
             assert!((smoothed.q[0][k] - q(t)).abs() < 1e-9);
