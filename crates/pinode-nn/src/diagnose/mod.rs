@@ -113,10 +113,10 @@ pub fn diagnose(
     // What is measured is what was written: the file is read back.
     let written = Hybrid::of(&Model::load(&path)?);
     let first_guess = |run: usize, k: usize| prepared.smoothed[run].state(k);
-    let null = &search.null;
+    let given = &search.null.hybrid;
     let (gap, free_runs) = gap::gap(
         study,
-        (&null.hybrid, &null.inside.theta),
+        (given, &given.theta()),
         (&written, &written.theta()),
         &first_guess,
         (LEAD_S.min(0.5 * prepared.window), HORIZON_S),

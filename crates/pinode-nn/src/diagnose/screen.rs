@@ -27,6 +27,8 @@ pub struct Screened {
     pub gain: f64,
     /// Cluster-robust t².
     pub t2: f64,
+    /// The share of its information that the constants already free span: near 1 for what they can imitate.
+    pub spanned: f64,
 }
 
 /// Two candidates that promise more together.
@@ -48,6 +50,8 @@ pub struct Screen {
     scores: Vec<DVector<f64>>,
     /// Efficient information of all columns.
     information: DMatrix<f64>,
+    /// Information of each column by itself.
+    alone: Vec<f64>,
 }
 
 #[derive(Debug, Clone)]
@@ -196,6 +200,7 @@ pub fn screen(
         .collect();
     let mut screen = Screen {
         ranked: Vec::new(),
+        alone: s_cc.diagonal().iter().copied().collect(),
         columns,
         scores,
         information,
@@ -243,6 +248,7 @@ impl Screen {
                 start,
                 gain: 0.5 * b * b / d,
                 t2: b * b / squares,
+                spanned: 1.0 - d / self.alone[k],
             };
             match best.iter_mut().find(|s| s.candidate == column.candidate) {
                 Some(known) if known.gain < screened.gain => *known = screened,

@@ -3,7 +3,7 @@
 use super::candidate::Candidate;
 use super::confidence::wins;
 use super::screen::{Screened, ScreenedPair, screen};
-use super::study::{Comparison, Fitted, Study};
+use super::study::{Comparison, Fitted, RELIEF, Study};
 use crate::effect::Kind;
 
 /// At most so many effects are named.
@@ -12,6 +12,8 @@ const MOST_EFFECTS: usize = 4;
 const REFINED: usize = 5;
 /// Least t² in the first screen, and in later ones.
 const LEAST_T2: (f64, f64) = (4.0, 6.0);
+/// A candidate with this share of its information spanned by free constants is one that they imitate.
+const IMITATED: f64 = 0.9;
 /// A gain that moves by more than this share when the numerics are refined is numerical.
 const NUMERICAL: f64 = 0.3;
 
@@ -218,12 +220,22 @@ fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Rep
         study.substeps,
     );
     let least = if first { LEAST_T2.0 } else { LEAST_T2.1 };
-    let chosen: Vec<&Screened> = screen
+    let mut chosen: Vec<&Screened> = screen
         .ranked
         .iter()
         .filter(|s| s.t2 > least)
         .take(REFINED)
         .collect();
+    // What stretched tolerances imitate leaves no residual for the screen to see.
+    if current.inside.stretch > RELIEF {
+        let mut imitated: Vec<&Screened> = screen
+            .ranked
+            .iter()
+            .filter(|s| s.spanned > IMITATED && !chosen.contains(s))
+            .collect();
+        imitated.sort_by(|a, b| b.spanned.total_cmp(&a.spanned));
+        chosen.extend(imitated.into_iter().take(2));
+    }
     let mut contenders: Vec<Contender> = Vec::new();
     for s in &chosen {
         report(&format!("refining {}", s.candidate.kind.name));
@@ -351,27 +363,22 @@ fn accept(study: &Study, current: &Fitted, contenders: &mut [Contender]) -> Opti
     None
 }
 
-/// A contender that the `k`th contains as a special case and that explains the windows as well: the simpler name is meant.
+/// The best accepted contender with fewer constants than the `k`th, unless the `k`th would be accepted beside it: a name with more
+/// constants earns its place against one with fewer as it would against none.
 fn simpler(contenders: &[Contender], k: usize) -> Option<usize> {
     let best = &contenders[k];
-    let [named] = best.added[..] else {
-        return None;
-    };
+    let constants = |c: &Contender| c.fitted.inside.free.len();
     contenders.iter().position(|other| {
-        let [simple] = other.added[..] else {
-            return false;
-        };
-        simple.target == named.target
-            && named.kind.contains.contains(&simple.kind.name)
+        constants(other) < constants(best)
             && other.comparison.accepts()
-            && Comparison::of(&best.fitted, &other.fitted).inside.z < 2.0
+            && !Comparison::of(&best.fitted, &other.fitted).accepts()
     })
 }
 
 /// Whether the gain stands when both models are fitted with half the step and half the smoothing.
 fn is_numerically_sound(study: &Study, current: &Fitted, contender: &Contender) -> bool {
     // A gain as large as this is not made of integration errors below a tenth of the noise.
-    if contender.comparison.inside_gain > 0.5 {
+    if contender.comparison.inside_gain > 0.5 || contender.comparison.relieves() {
         return true;
     }
     let fine = Study {
@@ -415,7 +422,8 @@ fn prune(study: &Study, current: &mut Fitted, added: &mut Vec<Candidate>, report
         };
         let reduced = without(study, current, index);
         let needed = Comparison::of(current, &reduced);
-        if needed.inside.z < 3.0 || needed.outside.z < 1.5 || needed.inside_gain < 0.01 {
+        let explains = needed.inside.z > 3.0 && needed.outside.z > 1.5 && needed.inside_gain > 0.01;
+        if !explains && !needed.relieves() {
             report(&format!("dropped: {}", added[k].kind.name));
             *current = reduced;
             added.remove(k);

@@ -57,10 +57,12 @@ impl Fitted {
         }
     }
 
-    /// Σ l_w − 4 k ln n over the seen windows, for `k` more constants than the model compared with.
+    /// Σ l_w over the seen windows less what the fit stretches the tolerances, less 4 k ln n for `k` more constants than the model
+    /// compared with.
     pub fn score(&self, more: usize) -> f64 {
         let sum: f64 = self.inside_scores.iter().sum();
-        sum - 4.0 * more as f64 * (self.inside_scores.len() as f64).ln()
+        let penalty = 4.0 * more as f64 * (self.inside_scores.len() as f64).ln();
+        sum - self.inside.stretch - penalty
     }
 
     /// Residual over sensor noise, one a channel: 1 where the model explains all.
@@ -85,7 +87,12 @@ pub struct Comparison {
     pub inside_gain: f64,
     /// Gain per sample over the windows held out, nats.
     pub outside_gain: f64,
+    /// By how much less the tolerances are stretched, nats.
+    pub relief: f64,
 }
+
+/// A relief of the tolerances by so many nats, four standard deviations, speaks for an effect by itself.
+pub const RELIEF: f64 = 8.0;
 
 impl Comparison {
     /// Of `new` over `old`.
@@ -99,15 +106,23 @@ impl Comparison {
             outside,
             inside_gain: per_sample(inside, &new.inside),
             outside_gain: per_sample(outside, &new.outside),
+            relief: old.inside.stretch - new.inside.stretch,
         }
     }
 
-    /// Whether the gain is significant and large enough on both sides.
+    /// Whether the gain is significant and large enough on both sides; or whether the old model explains the windows as well only by
+    /// stretching what is known of masses and gains beyond belief.
     pub fn accepts(&self) -> bool {
-        self.inside.z > 4.0
+        let explains = self.inside.z > 4.0
             && self.outside.z > 2.0
             && self.inside_gain > 0.05
-            && self.outside_gain > 0.025
+            && self.outside_gain > 0.025;
+        explains || self.relieves()
+    }
+
+    /// Whether it is the tolerances that speak, and the windows do not object.
+    pub fn relieves(&self) -> bool {
+        self.relief > RELIEF && self.inside.z > -2.0 && self.outside.z > -2.0
     }
 }
 

@@ -119,6 +119,8 @@ pub struct Evidence {
     pub gain_fit: f64,
     /// Gain per sample on the windows held out, nats.
     pub gain_held_out: f64,
+    /// By how much less the tolerances of masses and gains are stretched, nats; 8 are four standard deviations.
+    pub relief: f64,
 }
 
 /// Free-run errors over held-out windows.

@@ -180,6 +180,7 @@ fn evidence(comparison: &Comparison) -> Evidence {
         z_held_out: comparison.outside.z,
         gain_fit: comparison.inside_gain,
         gain_held_out: comparison.outside_gain,
+        relief: comparison.relief,
     }
 }
 

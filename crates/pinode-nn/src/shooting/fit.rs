@@ -36,6 +36,8 @@ pub struct Fit {
     pub gradients: Vec<Option<DVector<f64>>>,
     /// The loss, with priors.
     pub loss: f64,
+    /// The priors' part of it, Σ ½ ((θ − θ₀)/tolerance)²: how far the fit stretches the tolerances, nats.
+    pub stretch: f64,
     /// Whether the loss had stopped falling.
     pub converged: bool,
 }
@@ -202,6 +204,7 @@ pub fn fit(
     let reduced = problem.reduced(&theta, &now, &sigma);
     let (information, _) = problem.assemble(&theta, &reduced);
     Fit {
+        stretch: problem.prior_loss(&theta),
         theta,
         free: free.to_vec(),
         squares: now.iter().map(|w| w.squares(channels.len())).collect(),
