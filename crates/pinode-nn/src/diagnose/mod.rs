@@ -12,6 +12,7 @@ mod audit;
 mod candidate;
 mod confidence;
 pub mod curves;
+mod found;
 mod gap;
 mod locate;
 mod score;

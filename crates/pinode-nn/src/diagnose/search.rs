@@ -2,16 +2,16 @@
 
 use super::candidate::Candidate;
 use super::confidence::wins;
+use super::found::{Found, prune, revisit};
 use super::screen::{Screened, ScreenedPair, screen};
 use super::study::{Comparison, Fitted, RELIEF, Study};
-use crate::effect::Kind;
 
 /// At most so many effects are named.
 const MOST_EFFECTS: usize = 4;
 /// So many candidates of a screen are refined.
 const REFINED: usize = 5;
 /// Least t² in the first screen, and in later ones.
-const LEAST_T2: (f64, f64) = (4.0, 6.0);
+pub const LEAST_T2: (f64, f64) = (4.0, 6.0);
 /// A candidate with this share of its information spanned by free constants is one that they imitate.
 const IMITATED: f64 = 0.9;
 /// A gain that moves by more than this share when the numerics are refined is numerical.
@@ -56,21 +56,6 @@ pub struct Search {
     pub found: Vec<Found>,
     /// The model with it.
     pub model: Fitted,
-}
-
-/// A found effect.
-#[derive(Clone)]
-pub struct Found {
-    /// What it is.
-    pub candidate: Candidate,
-    /// Probability that it is this one, given that one of the contenders is.
-    pub confidence: f64,
-    /// Its rivals, with their probabilities.
-    pub alternatives: Vec<(Candidate, f64)>,
-    /// Rivals that the data do not tell from it.
-    pub indistinguishable: Vec<Candidate>,
-    /// The model with it against the model without.
-    pub comparison: Comparison,
 }
 
 /// Residual over sensor noise beyond which a model does not explain the data: on a displacement, on an angle.
@@ -284,7 +269,7 @@ pub fn is_unexplained(study: &Study, fitted: &Fitted, (linear, angular): (f64, f
         })
 }
 
-fn refine(study: &Study, current: &Fitted, members: &[(Candidate, Vec<f64>)]) -> Contender {
+pub fn refine(study: &Study, current: &Fitted, members: &[(Candidate, Vec<f64>)]) -> Contender {
     let mut hybrid = current.hybrid.clone();
     let mut theta = current.inside.theta.clone();
     for (candidate, start) in members {
@@ -294,7 +279,7 @@ fn refine(study: &Study, current: &Fitted, members: &[(Candidate, Vec<f64>)]) ->
     contender(members.iter().map(|m| m.0).collect(), fitted, current)
 }
 
-fn contender(added: Vec<Candidate>, fitted: Fitted, current: &Fitted) -> Contender {
+pub fn contender(added: Vec<Candidate>, fitted: Fitted, current: &Fitted) -> Contender {
     let more = fitted
         .hybrid
         .free()
@@ -311,7 +296,7 @@ fn contender(added: Vec<Candidate>, fitted: Fitted, current: &Fitted) -> Contend
 }
 
 /// Contenders within half of the leader's gain are fitted again from the leader's initial states, so that none loses by a poor start.
-fn polish(study: &Study, current: &Fitted, contenders: &mut [Contender]) {
+pub fn polish(study: &Study, current: &Fitted, contenders: &mut [Contender]) {
     let base = current.score(0);
     let Some(leader) = contenders
         .iter()
@@ -333,9 +318,14 @@ fn polish(study: &Study, current: &Fitted, contenders: &mut [Contender]) {
     }
 }
 
-fn rank(contenders: &mut [Contender], seed: u64) {
+/// Orders contenders by their score, and gives the wins: only what would be accepted by itself takes part.
+pub fn rank(contenders: &mut [Contender], seed: u64) {
     contenders.sort_by(|a, b| b.score.total_cmp(&a.score));
-    let scores: Vec<(&[f64], f64)> = contenders
+    let mut playing: Vec<&mut Contender> = contenders
+        .iter_mut()
+        .filter(|c| c.comparison.accepts())
+        .collect();
+    let scores: Vec<(&[f64], f64)> = playing
         .iter()
         .map(|c| {
             let sum: f64 = c.fitted.inside_scores.iter().sum();
@@ -343,7 +333,7 @@ fn rank(contenders: &mut [Contender], seed: u64) {
         })
         .collect();
     let wins = wins(&scores, seed);
-    for (contender, wins) in contenders.iter_mut().zip(wins) {
+    for (contender, wins) in playing.iter_mut().zip(wins) {
         contender.wins = wins;
     }
 }
@@ -365,7 +355,7 @@ fn accept(study: &Study, current: &Fitted, contenders: &mut [Contender]) -> Opti
 
 /// The best accepted contender with fewer constants than the `k`th, unless the `k`th would be accepted beside it: a name with more
 /// constants earns its place against one with fewer as it would against none.
-fn simpler(contenders: &[Contender], k: usize) -> Option<usize> {
+pub fn simpler(contenders: &[Contender], k: usize) -> Option<usize> {
     let best = &contenders[k];
     let constants = |c: &Contender| c.fitted.inside.free.len();
     contenders.iter().position(|other| {
@@ -393,205 +383,4 @@ fn is_numerically_sound(study: &Study, current: &Fitted, contender: &Contender) 
     let comparison = Comparison::of(&again(&contender.fitted), &again(current));
     comparison.accepts()
         && (comparison.inside_gain / contender.comparison.inside_gain - 1.0).abs() < NUMERICAL
-}
-
-/// The effect of a model that is `candidate`.
-fn position(fitted: &Fitted, candidate: &Candidate) -> Option<usize> {
-    fitted
-        .hybrid
-        .effects()
-        .iter()
-        .position(|e| e.kind == candidate.kind && e.target == candidate.target)
-}
-
-/// The model fitted anew without one of its effects.
-fn without(study: &Study, current: &Fitted, index: usize) -> Fitted {
-    let range = current.hybrid.range(index);
-    let theta = &current.inside.theta;
-    let rest = [&theta[..range.start], &theta[range.end..]].concat();
-    study.fit(current.hybrid.without(index), current.start(rest), 1, 10)
-}
-
-/// Drops what later effects have made superfluous.
-fn prune(study: &Study, current: &mut Fitted, added: &mut Vec<Candidate>, report: Report) {
-    added.retain(|candidate| position(current, candidate).is_some());
-    let mut k = 0;
-    while added.len() > 1 && k < added.len() {
-        let Some(index) = position(current, &added[k]) else {
-            break;
-        };
-        let reduced = without(study, current, index);
-        let needed = Comparison::of(current, &reduced);
-        let explains = needed.inside.z > 3.0 && needed.outside.z > 1.5 && needed.inside_gain > 0.01;
-        if !explains && !needed.relieves() {
-            report(&format!("dropped: {}", added[k].kind.name));
-            *current = reduced;
-            added.remove(k);
-            k = 0;
-        } else {
-            k += 1;
-        }
-    }
-}
-
-/// Looks at every found effect once more, with all others in place: a stand-in that was accepted early gives way to what explains
-/// more, and the rivals give the confidence.
-fn revisit(
-    study: &Study,
-    current: &mut Fitted,
-    added: &mut [Candidate],
-    steps: &[Step],
-    seed: u64,
-    report: Report,
-) -> Vec<Found> {
-    let mut found: Vec<Found> = Vec::new();
-    for k in 0..added.len() {
-        let Some(index) = position(current, &added[k]) else {
-            continue;
-        };
-        let reduced = without(study, current, index);
-        let single = steps.iter().filter(|s| s.accepted.is_some()).count() == 1 && added.len() == 1;
-        let rivals = if single {
-            steps[0].contenders.clone()
-        } else {
-            report(&format!("revisiting {}", added[k].kind.name));
-            let mut rivals = rivals(study, current, &reduced, added, k);
-            rank(&mut rivals, seed);
-            let own = rivals.iter().position(|r| r.added[0] == added[k]);
-            if let Some(simple) = own.and_then(|own| simpler(&rivals, own)) {
-                added[k] = rivals[simple].added[0];
-                *current = rivals[simple].fitted.clone();
-            } else if let Some(best) = rivals.first()
-                && best.added[0] != added[k]
-                && best.wins > 0.9
-                && Comparison::of(&best.fitted, current).inside.z > 2.0
-            {
-                report(&format!(
-                    "{} gives way to {}",
-                    added[k].kind.name, best.added[0].kind.name
-                ));
-                added[k] = best.added[0];
-                *current = best.fitted.clone();
-            }
-            rivals
-        };
-        found.push(weigh(
-            added[k],
-            &rivals,
-            Comparison::of(current, &reduced),
-            current,
-        ));
-    }
-    found
-}
-
-/// The found effect and its best rivals, refined beside all others.
-fn rivals(
-    study: &Study,
-    current: &Fitted,
-    reduced: &Fitted,
-    added: &[Candidate],
-    k: usize,
-) -> Vec<Contender> {
-    let screen = screen(
-        &reduced.hybrid,
-        &reduced.inside,
-        &study.observations,
-        &study.windows.fit,
-        &study.scales,
-        study.substeps,
-    );
-    let mut rivals = vec![contender(vec![added[k]], current.clone(), reduced)];
-    for s in screen
-        .ranked
-        .iter()
-        .filter(|s| s.t2 > LEAST_T2.1 && s.candidate != added[k])
-        .take(3)
-    {
-        rivals.push(refine(study, reduced, &[(s.candidate, s.start.clone())]));
-    }
-    polish(study, reduced, &mut rivals);
-    rivals
-}
-
-/// The confidence in a found effect among its rivals; members of one equivalence class count together.
-fn weigh(
-    candidate: Candidate,
-    rivals: &[Contender],
-    comparison: Comparison,
-    model: &Fitted,
-) -> Found {
-    let own = rivals.iter().find(|c| c.added.contains(&candidate));
-    let mut confidence = 0.0;
-    let mut alternatives = Vec::new();
-    let mut indistinguishable: Vec<Candidate> = Vec::new();
-    for rival in rivals {
-        let [other] = rival.added[..] else {
-            if rival.added.contains(&candidate) {
-                confidence += rival.wins;
-            }
-            continue;
-        };
-        let twin = are_twins(&candidate, &other);
-        // A kind that contains the found one always fits as well: the simpler name is meant, and its wins are this one's.
-        let contains =
-            other.target == candidate.target && other.kind.contains.contains(&candidate.kind.name);
-        if other == candidate || twin || contains {
-            confidence += rival.wins;
-        } else if rival.wins > 0.0 {
-            alternatives.push((other, rival.wins));
-        }
-        let tied = own.is_some_and(|own| {
-            other != candidate
-                && !contains
-                && Comparison::of(&own.fitted, &rival.fitted).inside.z.abs() < 2.0
-                && rival.comparison.accepts()
-        });
-        if (twin && other != candidate) || tied {
-            indistinguishable.push(other);
-        }
-    }
-    for twin in twins_of(&candidate, model) {
-        if !indistinguishable.contains(&twin) {
-            indistinguishable.push(twin);
-        }
-    }
-    Found {
-        candidate,
-        confidence,
-        alternatives,
-        indistinguishable,
-        comparison,
-    }
-}
-
-/// The offset class: while sliding, a constant force and a difference of Coulomb friction between the directions are one equation.
-const OFFSET_CLASS: [&str; 2] = ["constant_force", "asymmetric_coulomb_friction"];
-
-fn in_offset_class(kind: &Kind) -> bool {
-    OFFSET_CLASS.contains(&kind.name)
-}
-
-fn are_twins(a: &Candidate, b: &Candidate) -> bool {
-    a.target == b.target && in_offset_class(a.kind) && in_offset_class(b.kind)
-}
-
-/// The twins of a found effect in a model with Coulomb friction on the same coordinate.
-fn twins_of(candidate: &Candidate, model: &Fitted) -> Vec<Candidate> {
-    let rubs = model.hybrid.effects().iter().any(|e| {
-        e.target == candidate.target
-            && (e.kind.name == "coulomb_friction" || e.kind.name == "asymmetric_coulomb_friction")
-    });
-    if !in_offset_class(candidate.kind) || !rubs {
-        return Vec::new();
-    }
-    OFFSET_CLASS
-        .iter()
-        .filter_map(|name| crate::effect::registry::find(name))
-        .filter(|kind| *kind != candidate.kind)
-        .map(|kind| Candidate {
-            kind,
-            target: candidate.target,
-        })
-        .collect()
 }

@@ -1,0 +1,223 @@
+//! What a search has found, looked at once more: pruned, revisited, and weighed against its rivals.
+
+use super::candidate::Candidate;
+use super::screen::screen;
+use super::search::{Contender, LEAST_T2, Report, Step, contender, polish, rank, refine, simpler};
+use super::study::{Comparison, Fitted, Study};
+use crate::effect::Kind;
+
+/// A found effect.
+#[derive(Clone)]
+pub struct Found {
+    /// What it is.
+    pub candidate: Candidate,
+    /// Probability that it is this one, given that one of the contenders is.
+    pub confidence: f64,
+    /// Its rivals, with their probabilities.
+    pub alternatives: Vec<(Candidate, f64)>,
+    /// Rivals that the data do not tell from it.
+    pub indistinguishable: Vec<Candidate>,
+    /// The model with it against the model without.
+    pub comparison: Comparison,
+}
+
+/// The effect of a model that is `candidate`.
+fn position(fitted: &Fitted, candidate: &Candidate) -> Option<usize> {
+    fitted
+        .hybrid
+        .effects()
+        .iter()
+        .position(|e| e.kind == candidate.kind && e.target == candidate.target)
+}
+
+/// The model fitted anew without one of its effects.
+fn without(study: &Study, current: &Fitted, index: usize) -> Fitted {
+    let range = current.hybrid.range(index);
+    let theta = &current.inside.theta;
+    let rest = [&theta[..range.start], &theta[range.end..]].concat();
+    study.fit(current.hybrid.without(index), current.start(rest), 1, 10)
+}
+
+/// Drops what later effects have made superfluous.
+pub fn prune(study: &Study, current: &mut Fitted, added: &mut Vec<Candidate>, report: Report) {
+    added.retain(|candidate| position(current, candidate).is_some());
+    let mut k = 0;
+    while added.len() > 1 && k < added.len() {
+        let Some(index) = position(current, &added[k]) else {
+            break;
+        };
+        let reduced = without(study, current, index);
+        let needed = Comparison::of(current, &reduced);
+        let explains = needed.inside.z > 3.0 && needed.outside.z > 1.5 && needed.inside_gain > 0.01;
+        if !explains && !needed.relieves() {
+            report(&format!("dropped: {}", added[k].kind.name));
+            *current = reduced;
+            added.remove(k);
+            k = 0;
+        } else {
+            k += 1;
+        }
+    }
+}
+
+/// Looks at every found effect once more, with all others in place: a stand-in that was accepted early gives way to what explains
+/// more, and the rivals give the confidence.
+pub fn revisit(
+    study: &Study,
+    current: &mut Fitted,
+    added: &mut [Candidate],
+    steps: &[Step],
+    seed: u64,
+    report: Report,
+) -> Vec<Found> {
+    let mut found: Vec<Found> = Vec::new();
+    for k in 0..added.len() {
+        let Some(index) = position(current, &added[k]) else {
+            continue;
+        };
+        let reduced = without(study, current, index);
+        let single = steps.iter().filter(|s| s.accepted.is_some()).count() == 1 && added.len() == 1;
+        let rivals = if single {
+            steps[0].contenders.clone()
+        } else {
+            report(&format!("revisiting {}", added[k].kind.name));
+            let mut rivals = rivals(study, current, &reduced, added, k);
+            rank(&mut rivals, seed);
+            let own = rivals.iter().position(|r| r.added[0] == added[k]);
+            if let Some(simple) = own.and_then(|own| simpler(&rivals, own)) {
+                added[k] = rivals[simple].added[0];
+                *current = rivals[simple].fitted.clone();
+            } else if let Some(best) = rivals.first()
+                && best.added[0] != added[k]
+                && best.wins > 0.9
+                && Comparison::of(&best.fitted, current).inside.z > 2.0
+            {
+                report(&format!(
+                    "{} gives way to {}",
+                    added[k].kind.name, best.added[0].kind.name
+                ));
+                added[k] = best.added[0];
+                *current = best.fitted.clone();
+            }
+            rivals
+        };
+        found.push(weigh(
+            added[k],
+            &rivals,
+            Comparison::of(current, &reduced),
+            current,
+        ));
+    }
+    found
+}
+
+/// The found effect and its best rivals, refined beside all others.
+fn rivals(
+    study: &Study,
+    current: &Fitted,
+    reduced: &Fitted,
+    added: &[Candidate],
+    k: usize,
+) -> Vec<Contender> {
+    let screen = screen(
+        &reduced.hybrid,
+        &reduced.inside,
+        &study.observations,
+        &study.windows.fit,
+        &study.scales,
+        study.substeps,
+    );
+    let mut rivals = vec![contender(vec![added[k]], current.clone(), reduced)];
+    for s in screen
+        .ranked
+        .iter()
+        .filter(|s| s.t2 > LEAST_T2.1 && s.candidate != added[k])
+        .take(3)
+    {
+        rivals.push(refine(study, reduced, &[(s.candidate, s.start.clone())]));
+    }
+    polish(study, reduced, &mut rivals);
+    rivals
+}
+
+/// The confidence in a found effect among its rivals; members of one equivalence class count together.
+fn weigh(
+    candidate: Candidate,
+    rivals: &[Contender],
+    comparison: Comparison,
+    model: &Fitted,
+) -> Found {
+    let own = rivals.iter().find(|c| c.added.contains(&candidate));
+    let mut confidence = 0.0;
+    let mut alternatives = Vec::new();
+    let mut indistinguishable: Vec<Candidate> = Vec::new();
+    for rival in rivals {
+        let [other] = rival.added[..] else {
+            if rival.added.contains(&candidate) {
+                confidence += rival.wins;
+            }
+            continue;
+        };
+        let twin = are_twins(&candidate, &other);
+        // A kind that contains the found one always fits as well: the simpler name is meant, and its wins are this one's.
+        let contains =
+            other.target == candidate.target && other.kind.contains.contains(&candidate.kind.name);
+        if other == candidate || twin || contains {
+            confidence += rival.wins;
+        } else if rival.wins > 0.0 {
+            alternatives.push((other, rival.wins));
+        }
+        let tied = own.is_some_and(|own| {
+            other != candidate
+                && !contains
+                && Comparison::of(&own.fitted, &rival.fitted).inside.z.abs() < 2.0
+                && rival.comparison.accepts()
+        });
+        if (twin && other != candidate) || tied {
+            indistinguishable.push(other);
+        }
+    }
+    for twin in twins_of(&candidate, model) {
+        if !indistinguishable.contains(&twin) {
+            indistinguishable.push(twin);
+        }
+    }
+    Found {
+        candidate,
+        confidence,
+        alternatives,
+        indistinguishable,
+        comparison,
+    }
+}
+
+/// The offset class: while sliding, a constant force and a difference of Coulomb friction between the directions are one equation.
+const OFFSET_CLASS: [&str; 2] = ["constant_force", "asymmetric_coulomb_friction"];
+
+fn in_offset_class(kind: &Kind) -> bool {
+    OFFSET_CLASS.contains(&kind.name)
+}
+
+fn are_twins(a: &Candidate, b: &Candidate) -> bool {
+    a.target == b.target && in_offset_class(a.kind) && in_offset_class(b.kind)
+}
+
+/// The twins of a found effect in a model with Coulomb friction on the same coordinate.
+fn twins_of(candidate: &Candidate, model: &Fitted) -> Vec<Candidate> {
+    let rubs = model.hybrid.effects().iter().any(|e| {
+        e.target == candidate.target
+            && (e.kind.name == "coulomb_friction" || e.kind.name == "asymmetric_coulomb_friction")
+    });
+    if !in_offset_class(candidate.kind) || !rubs {
+        return Vec::new();
+    }
+    OFFSET_CLASS
+        .iter()
+        .filter_map(|name| crate::effect::registry::find(name))
+        .filter(|kind| *kind != candidate.kind)
+        .map(|kind| Candidate {
+            kind,
+            target: candidate.target,
+        })
+        .collect()
+}

@@ -1,0 +1,158 @@
+//! Roll-outs of the cart-pole with every kind of effect at once: exact sensitivities against differences.
+#![allow(clippy::unwrap_used)]
+
+use std::path::Path;
+
+use pinode_nn::effect::{Action, default_smoothing, registry};
+use pinode_nn::hybrid::{Hybrid, Placed};
+use pinode_nn::model::Model;
+use pinode_nn::shooting::{Roller, Trajectory};
+
+const SUBSTEPS: usize = 4;
+
+/// The cart-pole with each kind of effect on the slider (or the motor), and friction on the pole; all of θ free.
+fn with_every_effect() -> Hybrid {
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../models/cartpole/cartpole.toml"
+    );
+    let model = Model::load(Path::new(path)).unwrap();
+    let mut hybrid = Hybrid::of(&model);
+    for kind in registry::ALL.iter().copied() {
+        let values: &[f64] = match kind.name {
+            "viscous_friction" => &[0.3],
+            "coulomb_friction" => &[0.1],
+            "asymmetric_coulomb_friction" => &[0.2, 0.15],
+            "stribeck_friction" => &[0.05, 0.12, 0.06],
+            "quadratic_drag" => &[0.4],
+            "linear_spring" => &[2.0, 0.05],
+            "cubic_spring" => &[30.0],
+            "constant_force" => &[-0.1],
+            "input_gain_error" => &[0.1],
+            "input_delay" => &[0.0312],
+            other => panic!("{other} is new: give it parameters here"),
+        };
+        let angular = false;
+        assert!(matches!(kind.action, Action::Joint(_) | Action::Drive(_)));
+        let placed = Placed {
+            kind,
+            target: 0,
+            smoothing: 10.0 * default_smoothing(angular),
+        };
+        hybrid.add(placed, values, false);
+    }
+    for constant in hybrid.constants_mut() {
+        constant.tolerance = f64::INFINITY;
+    }
+    hybrid
+}
+
+fn times_and_input() -> (Vec<f64>, Vec<Vec<f64>>) {
+    let t: Vec<f64> = (0..40).map(|k| 0.02 * f64::from(k)).collect();
+    let u = t
+        .iter()
+        .map(|t| 2.0 * (9.0 * t).sin() + (23.0 * t).cos())
+        .collect();
+    (t, vec![u])
+}
+
+fn rolled(hybrid: &Hybrid, theta: &[f64], initial: &[f64]) -> Vec<f64> {
+    let (t, u) = times_and_input();
+    let inputs = hybrid.drive(&t, &u, SUBSTEPS, theta, &[]);
+    let mut out = Trajectory::default();
+    Roller::new(hybrid, &[])
+        .roll(theta, &inputs, (5, 30), initial, &mut out)
+        .unwrap();
+    out.states
+}
+
+#[test]
+fn sensitivities_of_a_roll_out_equal_differences() {
+    let hybrid = with_every_effect();
+    let theta = hybrid.theta();
+    let free = hybrid.free();
+    assert_eq!(free.len(), theta.len());
+    let initial = [0.05, 2.4, 0.3, -2.0];
+    let (t, u) = times_and_input();
+    let inputs = hybrid.drive(&t, &u, SUBSTEPS, &theta, &free);
+    let mut roller = Roller::new(&hybrid, &free);
+    let mut out = Trajectory::default();
+    roller
+        .roll_with_sensitivities(&theta, &inputs, (5, 30), &initial, &mut out)
+        .unwrap();
+    assert_eq!(out.states, rolled(&hybrid, &theta, &initial));
+
+    let (nx, columns) = (4, roller.columns());
+    for column in 0..columns {
+        let shifted = |h: f64| {
+            let (mut theta, mut initial) = (theta.clone(), initial);
+            match column.checked_sub(nx) {
+                Some(k) => theta[free[k]] += h,
+                None => initial[column] += h,
+            }
+            rolled(&hybrid, &theta, &initial)
+        };
+        let scale = match column.checked_sub(nx) {
+            Some(k) => theta[free[k]].abs().max(0.1),
+            None => 1.0,
+        };
+        let h = 1e-5 * scale;
+        let (plus, minus) = (shifted(h), shifted(-h));
+        // The zero of a sensor shifts what is read, not the motion.
+        let name = hybrid
+            .constants()
+            .get(column.wrapping_sub(nx))
+            .map(|c| c.id);
+        let mut largest = 0.0_f64;
+        for k in 0..30 {
+            for i in 0..nx {
+                let difference = (plus[k * nx + i] - minus[k * nx + i]) / (2.0 * h);
+                let exact = out.sensitivities[(k * columns + column) * nx + i];
+                largest = largest.max(exact.abs());
+                let error = (exact - difference).abs();
+                let allowed = 1e-4 * (exact.abs() + 1e-2 / scale);
+                assert!(
+                    error < allowed,
+                    "{name:?}, sample {k}, state {i}: {exact} {difference}"
+                );
+            }
+        }
+        let silent = matches!(name, Some(pinode_nn::hybrid::ConstantId::Zero(_)));
+        assert_eq!(largest == 0.0, silent, "{name:?} moves nothing");
+    }
+}
+
+#[test]
+fn a_delay_of_whole_steps_shifts_the_input_and_any_delay_keeps_its_impulse() {
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../models/cartpole/cartpole.toml"
+    );
+    let mut hybrid = Hybrid::of(&Model::load(Path::new(path)).unwrap());
+    let delay = registry::find("input_delay").unwrap();
+    let placed = Placed {
+        kind: delay,
+        target: 0,
+        smoothing: default_smoothing(false),
+    };
+    hybrid.add(placed, &[0.0], false);
+    let (t, mut u) = times_and_input();
+    u[0][..2].fill(0.0);
+    u[0][35..].fill(0.0);
+    let forces = |seconds: f64| {
+        let mut theta = hybrid.theta();
+        *theta.last_mut().unwrap() = seconds;
+        let inputs = hybrid.drive(&t, &u, SUBSTEPS, &theta, &[]);
+        inputs.forces[0].value.clone()
+    };
+    let now = forces(0.0);
+    let later = forces(0.04);
+    for k in 0..now.len() - 8 {
+        assert!((later[k + 8] - now[k]).abs() < 1e-9, "step {k}");
+    }
+    let sum = |forces: Vec<f64>| forces.iter().sum::<f64>();
+    let impulse = sum(now);
+    for seconds in [0.0013, 0.02, 0.0377] {
+        assert!((sum(forces(seconds)) - impulse).abs() < 1e-9 * impulse.abs().max(1.0));
+    }
+}

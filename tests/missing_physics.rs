@@ -1,0 +1,103 @@
+//! The workflow on rig logs in which an effect is hidden, and on logs in which nothing is.
+//!
+//! The rig integrates, rubs and measures by its own code; the diagnosis sees the log and the user's model alone.
+#![allow(clippy::unwrap_used)]
+
+use std::path::Path;
+
+use cartpole::config::Config;
+use cartpole::rig::{self, Hidden};
+use pinode_nn::diagnose::diagnose;
+use pinode_nn::diagnose::verdict::{Diagnosis, Verdict};
+use pinode_nn::log::Log;
+use pinode_nn::model::Model;
+
+fn models() -> &'static Path {
+    Path::new(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../models/cartpole"
+    ))
+}
+
+/// Records a log of `seconds` with the hidden effect and diagnoses it.
+fn diagnosed(hidden: &Hidden, seed: u64, seconds: f64) -> Diagnosis {
+    let dir = tempfile::tempdir().unwrap();
+    let config = Config {
+        duration: seconds,
+        ..Config::read(&models().join("rig.toml")).unwrap()
+    };
+    let log = dir.path().join("log.csv");
+    rig::run(&config, hidden, seed)
+        .unwrap()
+        .write_csv(&log)
+        .unwrap();
+    let user = rig::known_model(hidden, models(), &dir.path().join("user")).unwrap();
+    let model = Model::load(&user).unwrap();
+    let log = Log::read(&log, &model).unwrap();
+    let out = dir.path().join("out");
+    let outcome = diagnose(&model, &[log], &[], &out, 0, &|_| {}).unwrap();
+    // The new model is one that every command loads, with the effects that the diagnosis names.
+    let written = Model::load(&outcome.model).unwrap();
+    for effect in &outcome.diagnosis.effects {
+        assert!(written.effects.iter().any(|e| e.kind.name == effect.kind));
+    }
+    outcome.diagnosis
+}
+
+/// The hidden effect of one case is the first that is named, with its parameters, and the gap shrinks on unseen data.
+fn is_found(case: usize, seed: u64) {
+    let config = Config::read(&models().join("rig.toml")).unwrap();
+    let hidden = rig::draw_of(&config, case, seed);
+    let diagnosis = diagnosed(&hidden, seed, 40.0);
+    assert_eq!(diagnosis.verdict, Verdict::EffectsFound, "{hidden:?}");
+    let named = &diagnosis.effects[0];
+    let target = hidden.target().unwrap().name();
+    let right = named.kind == hidden.kind() && named.target == target;
+    let undecided = named
+        .indistinguishable_from
+        .iter()
+        .any(|name| name.kind == hidden.kind() && name.target == target);
+    assert!(right || undecided, "{hidden:?} is called {named:?}");
+    if right && hidden.kind() != "stribeck_friction" {
+        for (name, truth) in hidden.parameters() {
+            let found = &named.parameters[name];
+            // The rest of a spring is a length: its error is measured on the rail's half metre.
+            let scale = if name == "rest" { 0.25 } else { truth.abs() };
+            let error = (found.value - truth).abs() / scale;
+            assert!(error < 0.25, "{name}: {} for {truth}", found.value);
+        }
+    }
+    let gap = &diagnosis.gap;
+    assert!(
+        gap.after < 0.5 * gap.before && gap.after < 10.0,
+        "{} -> {}",
+        gap.before,
+        gap.after
+    );
+}
+
+#[test]
+fn hidden_viscous_friction_of_the_cart_is_found() {
+    is_found(0, 11);
+}
+
+#[test]
+fn hidden_coulomb_friction_of_the_cart_is_found() {
+    is_found(2, 12);
+}
+
+#[test]
+fn every_other_hidden_effect_is_found() {
+    for case in (1..rig::CASES).filter(|&case| case != 2) {
+        is_found(case, 20 + case as u64);
+    }
+}
+
+#[test]
+fn nothing_is_found_where_nothing_is_hidden() {
+    for seed in 1..5 {
+        let diagnosis = diagnosed(&Hidden::Nothing, seed, 40.0);
+        assert_eq!(diagnosis.verdict, Verdict::NothingMissing, "seed {seed}");
+        assert!(diagnosis.effects.is_empty());
+    }
+}
