@@ -2,7 +2,9 @@
 
 use super::candidate::Candidate;
 use super::screen::screen;
-use super::search::{Contender, LEAST_T2, Report, Step, contender, polish, rank, refine, simpler};
+use super::search::{
+    Contender, IMITATED, LEAST_T2, Report, Step, contender, polish, rank, refine, simpler,
+};
 use super::study::{Comparison, Fitted, Study};
 use crate::effect::Kind;
 
@@ -30,23 +32,42 @@ fn position(fitted: &Fitted, candidate: &Candidate) -> Option<usize> {
         .position(|e| e.kind == candidate.kind && e.target == candidate.target)
 }
 
-/// The model fitted anew without one of its effects.
-fn without(study: &Study, current: &Fitted, index: usize) -> Fitted {
+/// The model fitted anew without one of its effects. A known effect whose place it had taken comes back.
+fn without(study: &Study, null: &Fitted, current: &Fitted, index: usize) -> Fitted {
+    let removed = current.hybrid.effects()[index];
     let range = current.hybrid.range(index);
     let theta = &current.inside.theta;
-    let rest = [&theta[..range.start], &theta[range.end..]].concat();
-    study.fit(current.hybrid.without(index), current.start(rest), 1, 10)
+    let mut theta = [&theta[..range.start], &theta[range.end..]].concat();
+    let mut hybrid = current.hybrid.without(index);
+    for (known, placed) in null.hybrid.effects().iter().enumerate() {
+        if placed.target == removed.target && removed.kind.contains.contains(&placed.kind.name) {
+            let range = null.hybrid.range(known);
+            let values = &null.inside.theta[range.clone()];
+            let fixed = null.hybrid.constants()[range]
+                .iter()
+                .all(|c| c.tolerance == 0.0);
+            hybrid.add(*placed, values, fixed);
+            theta.extend_from_slice(values);
+        }
+    }
+    study.fit(hybrid, current.start(theta), 1, 10)
 }
 
 /// Drops what later effects have made superfluous.
-pub fn prune(study: &Study, current: &mut Fitted, added: &mut Vec<Candidate>, report: Report) {
+pub fn prune(
+    study: &Study,
+    null: &Fitted,
+    current: &mut Fitted,
+    added: &mut Vec<Candidate>,
+    report: Report,
+) {
     added.retain(|candidate| position(current, candidate).is_some());
     let mut k = 0;
     while added.len() > 1 && k < added.len() {
         let Some(index) = position(current, &added[k]) else {
             break;
         };
-        let reduced = without(study, current, index);
+        let reduced = without(study, null, current, index);
         let needed = Comparison::of(current, &reduced);
         let explains = needed.inside.z > 3.0 && needed.outside.z > 1.5 && needed.inside_gain > 0.01;
         if !explains && !needed.relieves() {
@@ -64,6 +85,7 @@ pub fn prune(study: &Study, current: &mut Fitted, added: &mut Vec<Candidate>, re
 /// more, and the rivals give the confidence.
 pub fn revisit(
     study: &Study,
+    null: &Fitted,
     current: &mut Fitted,
     added: &mut [Candidate],
     steps: &[Step],
@@ -75,7 +97,7 @@ pub fn revisit(
         let Some(index) = position(current, &added[k]) else {
             continue;
         };
-        let reduced = without(study, current, index);
+        let reduced = without(study, null, current, index);
         let single = steps.iter().filter(|s| s.accepted.is_some()).count() == 1 && added.len() == 1;
         let rivals = if single {
             steps[0].contenders.clone()
@@ -127,14 +149,21 @@ fn rivals(
         &study.scales,
         study.substeps,
     );
-    let mut rivals = vec![contender(vec![added[k]], current.clone(), reduced)];
+    let mut own = contender(vec![added[k]], current.clone(), reduced);
+    own.imitated = screen
+        .ranked
+        .iter()
+        .any(|s| s.candidate == added[k] && s.spanned > IMITATED);
+    let mut rivals = vec![own];
     for s in screen
         .ranked
         .iter()
         .filter(|s| s.t2 > LEAST_T2.1 && s.candidate != added[k])
         .take(3)
     {
-        rivals.push(refine(study, reduced, &[(s.candidate, s.start.clone())]));
+        let mut rival = refine(study, reduced, &[(s.candidate, s.start.clone())]);
+        rival.imitated = s.spanned > IMITATED;
+        rivals.push(rival);
     }
     polish(study, reduced, &mut rivals);
     rivals
@@ -171,7 +200,7 @@ fn weigh(
             other != candidate
                 && !contains
                 && Comparison::of(&own.fitted, &rival.fitted).inside.z.abs() < 2.0
-                && rival.comparison.accepts()
+                && rival.is_acceptable()
         });
         if (twin && other != candidate) || tied {
             indistinguishable.push(other);

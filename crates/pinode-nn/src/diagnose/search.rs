@@ -13,7 +13,7 @@ const REFINED: usize = 5;
 /// Least t² in the first screen, and in later ones.
 pub const LEAST_T2: (f64, f64) = (4.0, 6.0);
 /// A candidate with this share of its information spanned by free constants is one that they imitate.
-const IMITATED: f64 = 0.9;
+pub const IMITATED: f64 = 0.9;
 /// A gain that moves by more than this share when the numerics are refined is numerical.
 const NUMERICAL: f64 = 0.3;
 
@@ -24,6 +24,8 @@ pub struct Contender {
     pub added: Vec<Candidate>,
     /// The fitted model.
     pub fitted: Fitted,
+    /// Whether it is one that the free constants imitate: then the relief of their tolerances speaks for it.
+    pub imitated: bool,
     /// Against the model before.
     pub comparison: Comparison,
     /// Σ l_w − 4 k ln n.
@@ -32,6 +34,13 @@ pub struct Contender {
     pub wins: f64,
     /// Whether its gain stands under a finer integration and a narrower smoothing; `None`: not asked.
     pub numerically_sound: Option<bool>,
+}
+
+impl Contender {
+    /// Whether it would be accepted by itself.
+    pub fn is_acceptable(&self) -> bool {
+        self.comparison.explains() || (self.imitated && self.comparison.relieves())
+    }
 }
 
 /// One step of the search.
@@ -72,7 +81,7 @@ pub fn search(study: &Study, null: Fitted, seed: u64, report: Report) -> Search 
     let first = one_step(study, &null, true, seed, report);
     let mut path = Path::new(null.clone(), first.clone());
     if let Some(k) = first.accepted {
-        path.follow(study, k, seed, report);
+        path.follow(study, &null, k, seed, report);
     }
     if path.added.len() > 1 {
         for k in rivals_of_the_first(&first, &null) {
@@ -81,7 +90,7 @@ pub fn search(study: &Study, null: Fitted, seed: u64, report: Report) -> Search 
                 first.contenders[k].added[0].kind.name
             ));
             let mut other = Path::new(null.clone(), first.clone());
-            other.follow(study, k, seed, report);
+            other.follow(study, &null, k, seed, report);
             if other.beats(&path) {
                 path = other;
             }
@@ -92,7 +101,7 @@ pub fn search(study: &Study, null: Fitted, seed: u64, report: Report) -> Search 
         mut added,
         steps,
     } = path;
-    let found = revisit(study, &mut current, &mut added, &steps, seed, report);
+    let found = revisit(study, &null, &mut current, &mut added, &steps, seed, report);
     Search {
         null,
         steps,
@@ -123,7 +132,7 @@ fn rivals_of_the_first(first: &Step, null: &Fitted) -> Vec<usize> {
     };
     let mut rivals: Vec<usize> = Vec::new();
     for (k, rival) in first.contenders.iter().enumerate() {
-        let strong = rival.comparison.accepts() && rival.score - base > 0.4 * gain;
+        let strong = rival.is_acceptable() && rival.score - base > 0.4 * gain;
         if !strong || root(k) == root(accepted) {
             continue;
         }
@@ -157,13 +166,13 @@ impl Path {
     }
 
     /// Takes contender `k` of the first step and goes on until nothing is accepted.
-    fn follow(&mut self, study: &Study, k: usize, seed: u64, report: Report) {
+    fn follow(&mut self, study: &Study, null: &Fitted, k: usize, seed: u64, report: Report) {
         let mut next = Some(k);
         while let Some(k) = next {
             if let Some(step) = self.steps.last_mut() {
                 step.accepted = Some(k);
                 let accepted = step.contenders[k].clone();
-                self.take(study, accepted, report);
+                self.take(study, null, accepted, report);
             }
             if self.added.len() >= MOST_EFFECTS {
                 break;
@@ -174,7 +183,7 @@ impl Path {
         }
     }
 
-    fn take(&mut self, study: &Study, accepted: Contender, report: Report) {
+    fn take(&mut self, study: &Study, null: &Fitted, accepted: Contender, report: Report) {
         for candidate in &accepted.added {
             report(&format!(
                 "accepted: {} (z {:.1}, held out {:.1})",
@@ -183,7 +192,7 @@ impl Path {
         }
         self.added.extend(accepted.added);
         self.current = accepted.fitted;
-        prune(study, &mut self.current, &mut self.added, report);
+        prune(study, null, &mut self.current, &mut self.added, report);
     }
 
     /// Whether this model explains the windows better, or as well with fewer constants.
@@ -224,7 +233,9 @@ fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Rep
     let mut contenders: Vec<Contender> = Vec::new();
     for s in &chosen {
         report(&format!("refining {}", s.candidate.kind.name));
-        contenders.push(refine(study, current, &[(s.candidate, s.start.clone())]));
+        let mut refined = refine(study, current, &[(s.candidate, s.start.clone())]);
+        refined.imitated = s.spanned > IMITATED;
+        contenders.push(refined);
     }
     polish(study, current, &mut contenders);
     rank(&mut contenders, seed);
@@ -287,6 +298,7 @@ pub fn contender(added: Vec<Candidate>, fitted: Fitted, current: &Fitted) -> Con
         .saturating_sub(current.inside.free.len());
     Contender {
         added,
+        imitated: false,
         comparison: Comparison::of(&fitted, current),
         score: fitted.score(more),
         fitted,
@@ -313,7 +325,10 @@ pub fn polish(study: &Study, current: &Fitted, contenders: &mut [Contender]) {
         let again = study.fit(rival.fitted.hybrid.clone(), start, 1, 8);
         let again = contender(rival.added.clone(), again, current);
         if again.score > rival.score {
-            *rival = again;
+            *rival = Contender {
+                imitated: rival.imitated,
+                ..again
+            };
         }
     }
 }
@@ -323,7 +338,7 @@ pub fn rank(contenders: &mut [Contender], seed: u64) {
     contenders.sort_by(|a, b| b.score.total_cmp(&a.score));
     let mut playing: Vec<&mut Contender> = contenders
         .iter_mut()
-        .filter(|c| c.comparison.accepts())
+        .filter(|c| c.is_acceptable())
         .collect();
     let scores: Vec<(&[f64], f64)> = playing
         .iter()
@@ -341,7 +356,7 @@ pub fn rank(contenders: &mut [Contender], seed: u64) {
 /// The best contender whose gain is significant on both sides and not numerical.
 fn accept(study: &Study, current: &Fitted, contenders: &mut [Contender]) -> Option<usize> {
     for (k, contender) in contenders.iter_mut().enumerate() {
-        if !contender.comparison.accepts() {
+        if !contender.is_acceptable() {
             continue;
         }
         let sound = is_numerically_sound(study, current, contender);
@@ -360,15 +375,15 @@ pub fn simpler(contenders: &[Contender], k: usize) -> Option<usize> {
     let constants = |c: &Contender| c.fitted.inside.free.len();
     contenders.iter().position(|other| {
         constants(other) < constants(best)
-            && other.comparison.accepts()
-            && !Comparison::of(&best.fitted, &other.fitted).accepts()
+            && other.is_acceptable()
+            && !Comparison::of(&best.fitted, &other.fitted).explains()
     })
 }
 
 /// Whether the gain stands when both models are fitted with half the step and half the smoothing.
 fn is_numerically_sound(study: &Study, current: &Fitted, contender: &Contender) -> bool {
     // A gain as large as this is not made of integration errors below a tenth of the noise.
-    if contender.comparison.inside_gain > 0.5 || contender.comparison.relieves() {
+    if contender.comparison.inside_gain > 0.5 || contender.imitated {
         return true;
     }
     let fine = Study {
@@ -381,6 +396,6 @@ fn is_numerically_sound(study: &Study, current: &Fitted, contender: &Contender) 
         fine.fit(hybrid, start, 1, 6)
     };
     let comparison = Comparison::of(&again(&contender.fitted), &again(current));
-    comparison.accepts()
+    comparison.explains()
         && (comparison.inside_gain / contender.comparison.inside_gain - 1.0).abs() < NUMERICAL
 }

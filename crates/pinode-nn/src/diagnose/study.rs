@@ -110,17 +110,15 @@ impl Comparison {
         }
     }
 
-    /// Whether the gain is significant and large enough on both sides; or whether the old model explains the windows as well only by
-    /// stretching what is known of masses and gains beyond belief.
-    pub fn accepts(&self) -> bool {
-        let explains = self.inside.z > 4.0
+    /// Whether the gain is significant and large enough on both sides.
+    pub fn explains(&self) -> bool {
+        self.inside.z > 4.0
             && self.outside.z > 2.0
             && self.inside_gain > 0.05
-            && self.outside_gain > 0.025;
-        explains || self.relieves()
+            && self.outside_gain > 0.025
     }
 
-    /// Whether it is the tolerances that speak, and the windows do not object.
+    /// Whether the old model explains the windows as well only by stretching what is known of masses and gains beyond belief.
     pub fn relieves(&self) -> bool {
         self.relief > RELIEF && self.inside.z > -2.0 && self.outside.z > -2.0
     }

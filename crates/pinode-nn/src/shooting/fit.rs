@@ -119,6 +119,9 @@ fn damped_step(
     step
 }
 
+/// The damping to start with, relative to the diagonal. What data hardly determine is left to the priors: it must not hold that back.
+const FIRST_DAMPING: f64 = 1e-6;
+
 /// Fits θ_free and the initial states to the windows, from the model's θ and the states given.
 ///
 /// `sigma` are the standard deviations to start with, one a channel; they are estimated anew with every step.
@@ -153,14 +156,14 @@ pub fn fit(
         problem.prior_loss(theta) + now.iter().map(|w| w.loss(sigma)).sum::<f64>()
     };
     let mut converged = false;
-    let mut damping = 1e-3;
+    let mut damping = FIRST_DAMPING;
     let mut loss = total(&theta, &now, &sigma);
     for _ in 0..options.iterations {
         let reduced = problem.reduced(&theta, &now, &sigma);
         let (s, g) = problem.assemble(&theta, &reduced);
         let mut accepted = false;
         let before = loss;
-        for _ in 0..6 {
+        for _ in 0..8 {
             let d = damped_step(&problem, &theta, &s, &g, damping);
             let mut trial = theta.clone();
             for (k, &i) in free.iter().enumerate() {
@@ -197,7 +200,7 @@ pub fn fit(
             break;
         }
         if !accepted {
-            damping = 1e-3;
+            damping = FIRST_DAMPING;
         }
     }
 
