@@ -320,13 +320,16 @@ fn a_horizon_longer_than_the_log_is_refused() {
     );
 }
 
-/// Reference dynamics, a folder named by the environment: `<robot>.urdf` with `<robot>.json`, and `closed_<name>.json`.
+/// Reference dynamics, `<robot>.urdf` with `<robot>.json` and `closed_<name>.json`: in the folder that PINODE_ORACLES names, or
+/// beside the repository.
 fn oracles() -> Option<PathBuf> {
-    let folder = std::env::var_os("PINODE_ORACLES").map(PathBuf::from);
-    if folder.is_none() {
-        eprintln!("SKIPPED: PINODE_ORACLES does not name a folder of reference dynamics");
+    let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/oracles");
+    let folder = std::env::var_os("PINODE_ORACLES").map_or_else(|| beside.into(), PathBuf::from);
+    if folder.is_dir() {
+        return Some(folder);
     }
-    folder
+    eprintln!("SKIPPED: no reference dynamics at {}", folder.display());
+    None
 }
 
 fn read_json(path: &Path) -> Value {

@@ -746,7 +746,7 @@ fn every_broken_urdf_is_refused_with_its_culprit() {
 
 #[test]
 fn every_broken_file_is_refused_with_what_its_first_comment_says() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus/urdf");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/bad_urdf_files");
     let mut files = 0;
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
