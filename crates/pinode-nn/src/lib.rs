@@ -1,4 +1,25 @@
-//! Missing physics.
+//! Find, name and add the physics that a simulation is missing, from measured data.
+//!
+//! A [`Model`](model::Model) is a TOML file: a mechanism (URDF, or its energies as text), inputs, known effects, sensors, and how well
+//! all this is known. A [`Log`](log::Log) is a CSV file. The model's equations of motion are
+//!
+//! M(q) v̇ + C(q, v) v + G(q) = Q = Σ gains · inputs + Σ effects,
+//!
+//! SI units throughout. [`diagnose`](diagnose::diagnose) fits the model to windows of the log ([`shooting`]), tries every
+//! [`effect`] on every joint and input, accepts what explains windows that no fit has seen, and writes the new model:
+//!
+//! ```no_run
+//! use pinode_nn::{diagnose::diagnose, log::Log, model::Model};
+//!
+//! let model = Model::load("cart.toml".as_ref())?;
+//! let log = Log::read("log.csv".as_ref(), &model)?;
+//! let outcome = diagnose(&model, &[log], &[], "out".as_ref(), 0, &|stage| eprintln!("{stage}"))?;
+//! println!("{:?}: {} effects", outcome.diagnosis.verdict, outcome.diagnosis.effects.len());
+//! # Ok::<(), pinode_nn::Error>(())
+//! ```
+//!
+//! [`hybrid`] is the model as it is simulated, with exact derivatives; [`free_run`] and [`evaluate`](mod@evaluate) run it over a log.
+//! Feature `cli` (default): the program `pinode` and the HTML report.
 #[cfg(feature = "cli")]
 pub mod cli;
 pub mod diagnose;

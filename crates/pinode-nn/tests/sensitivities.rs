@@ -1,5 +1,5 @@
 //! Roll-outs of the cart-pole with every kind of effect at once: exact sensitivities against differences.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::path::Path;
 

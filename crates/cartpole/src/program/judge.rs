@@ -93,6 +93,7 @@ mod tests {
                 z_held_out: 9.0,
                 gain_fit: 1.0,
                 gain_held_out: 1.0,
+                relief: 0.0,
             },
         }
     }

@@ -305,7 +305,8 @@ mod tests {
         let u: Vec<f64> = (0..1000).map(|k| 3.0 * (0.1 * k as f64).sin()).collect();
         let mut q: Vec<f64> = (0..1000).map(|k| 0.1 * (0.1 * k as f64).cos()).collect();
         assert_eq!(dead_until(&q, &u, 1e-5), None);
-        q[500..600].fill(q[500]);
+        let stuck = q[500];
+        q[500..600].fill(stuck);
         assert_eq!(dead_until(&q, &u, 1e-5), None);
         q[20..120].fill(0.05);
         assert_eq!(dead_until(&q, &u, 1e-5), Some(120));
