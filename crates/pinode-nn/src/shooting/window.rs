@@ -110,7 +110,7 @@ mod tests {
             runs: vec![recording(60.0)],
         };
         let windows = Windows::cut(&observations, 1, 0.6);
-        assert_eq!(windows.fit.len(), 74);
+        assert_eq!(windows.fit.len(), 75);
         assert_eq!(windows.held_out.len(), 25);
         let border = 0.75 * (60.0 - 0.02);
         let t = &observations.runs[0].t;
