@@ -8,6 +8,7 @@ use super::curves::ResidualForce;
 use super::smooth::Smoothed;
 use super::study::{Fitted, Study};
 use super::verdict::Disagreement;
+use crate::shooting::ObservedRun;
 
 /// Number of quantile bins of the correlation ratio.
 const BINS: usize = 12;
@@ -23,7 +24,6 @@ pub fn locate(
     let hybrid = &fitted.hybrid;
     let nv = hybrid.nv();
     let theta = &fitted.inside.theta;
-    let mut memory = hybrid.memory(&[]);
     let coordinates = hybrid.mechanics().coordinates();
     let mut residuals: Vec<Vec<f64>> = vec![Vec::new(); nv];
     let mut noise_square = vec![0.0; nv];
@@ -31,7 +31,6 @@ pub fn locate(
     let mut signals = Signals::new(coordinates, input_names);
 
     for (r, run) in study.observations.runs.iter().enumerate() {
-        let inputs = hybrid.drive(&run.t, &run.u, 1, theta, &[]);
         let smooth = &smoothed[r];
         let interval = (run.t.last().unwrap_or(&0.0) - run.t.first().unwrap_or(&0.0))
             / run.t.len().saturating_sub(1).max(1) as f64;
@@ -41,6 +40,8 @@ pub fn locate(
         // Deviation of a local quadratic's or cubic's second derivative over 2 side + 1 samples of unit noise.
         let curvature_noise = (720.0 / (2.0 * side + 1.0).powi(5)).sqrt() / interval.powi(2);
         let lag = ((0.08 / interval.max(1e-12)) as usize).max(1);
+        let modelled = modelled_accelerations(fitted, run, smooth);
+        let kernel = kernel(side as usize);
         let mut reversal = vec![run.t[0]; nv];
         for k in 0..run.t.len().saturating_sub(1) {
             for (c, since) in reversal.iter_mut().enumerate() {
@@ -52,16 +53,10 @@ pub fn locate(
                 continue;
             }
             let state = smooth.state(k);
-            let (q, v) = state.split_at(nv);
             let q: Vec<f64> = (0..nv)
-                .map(|c| q[c] - theta[hybrid.zero_index(c)])
+                .map(|c| state[c] - theta[hybrid.zero_index(c)])
                 .collect();
-            if hybrid
-                .acceleration((&q, v), theta, &inputs, k, &mut memory)
-                .is_err()
-            {
-                continue;
-            }
+            let model = averaged(&modelled, k, &kernel);
             let p = &theta[..hybrid.mechanics().parameters().len()];
             let mut mass = nalgebra::DMatrix::zeros(nv, nv);
             let mut work = hybrid.mechanics().workspace();
@@ -73,7 +68,7 @@ pub fn locate(
                 let mut force = 0.0;
                 let mut variance = 0.0;
                 for j in 0..nv {
-                    force += mass[(i, j)] * (smooth.a[j][k] - memory.acceleration[j]);
+                    force += mass[(i, j)] * (smooth.a[j][k] - model[j]);
                     let noise = study.observations.channels[j].noise * curvature_noise;
                     variance += (mass[(i, j)] * noise).powi(2);
                 }
@@ -128,6 +123,57 @@ pub fn locate(
     out.into_iter().map(|(_, d, r)| (d, r)).unzip()
 }
 
+/// v̇ of the model over every sample interval of a recording: the mean of both ends, at the smoothed states and the input held.
+fn modelled_accelerations(fitted: &Fitted, run: &ObservedRun, smooth: &Smoothed) -> Vec<Vec<f64>> {
+    let hybrid = &fitted.hybrid;
+    let theta = &fitted.inside.theta;
+    let nv = hybrid.nv();
+    let inputs = hybrid.drive(&run.t, &run.u, 1, theta, &[]);
+    let mut memory = hybrid.memory(&[]);
+    let mut at = |sample: usize, step: usize| -> Vec<f64> {
+        let mut state = smooth.state(sample);
+        for (c, q) in state[..nv].iter_mut().enumerate() {
+            *q -= theta[hybrid.zero_index(c)];
+        }
+        let (q, v) = state.split_at(nv);
+        match hybrid.acceleration((q, v), theta, &inputs, step, &mut memory) {
+            Ok(()) => memory.acceleration.as_slice().to_vec(),
+            Err(_) => (0..nv).map(|c| smooth.a[c][sample]).collect(),
+        }
+    };
+    (0..run.t.len().saturating_sub(1))
+        .map(|k| {
+            let ends = at(k, k).into_iter().zip(at(k + 1, k));
+            ends.map(|(a, b)| 0.5 * (a + b)).collect()
+        })
+        .collect()
+}
+
+/// The weights with which the second derivative of a local quadratic or cubic over the samples −m … m sees the true acceleration over
+/// each of the 2m intervals; their sum is 1.
+///
+/// That derivative is Σ c_i y_i with c_i ∝ i² − m(m + 1)/3 and Σ c_i i² = 2; an acceleration at time s counts K(s) = Σ_{i>s} c_i (i − s).
+fn kernel(m: usize) -> Vec<f64> {
+    let m = m as i64;
+    let middle = (m * (m + 1)) as f64 / 3.0;
+    let raw = |i: i64| (i * i) as f64 - middle;
+    let norm: f64 = (-m..=m).map(|i| raw(i) * (i * i) as f64).sum::<f64>() / 2.0;
+    let k = |j: i64| (j..=m).map(|i| raw(i) * (i - j) as f64).sum::<f64>() / norm;
+    (-m..m).map(|j| 0.5 * (k(j) + k(j + 1))).collect()
+}
+
+/// The modelled accelerations around sample `k` as the smoothing sees the true ones: it takes the same from both.
+fn averaged(modelled: &[Vec<f64>], k: usize, kernel: &[f64]) -> Vec<f64> {
+    let first = k - kernel.len() / 2;
+    let mut sum = vec![0.0; modelled[k].len()];
+    for (weight, acceleration) in kernel.iter().zip(&modelled[first..]) {
+        for (sum, a) in sum.iter_mut().zip(acceleration) {
+            *sum += weight * a;
+        }
+    }
+    sum
+}
+
 /// What a missing force could depend on, at the looked-at samples.
 struct Signals {
     names: Vec<(String, String)>,
@@ -157,7 +203,7 @@ impl Signals {
 
     fn push(
         &mut self,
-        run: &crate::shooting::ObservedRun,
+        run: &ObservedRun,
         smooth: &Smoothed,
         k: usize,
         lag: usize,
@@ -266,4 +312,35 @@ fn intervals(times: &[(usize, f64)], force: &[f64], half_width: f64) -> Vec<[f64
     intervals.truncate(10);
     intervals.sort_by(|a, b| a[0].total_cmp(&b[0]));
     intervals
+}
+
+#[cfg(test)]
+mod tests {
+    use super::kernel;
+
+    #[test]
+    fn the_kernel_sees_an_acceleration_as_the_local_fit_does() {
+        for m in [3_usize, 5, 8] {
+            // Positions under an acceleration that is constant over each interval.
+            let accelerations: Vec<f64> =
+                (0..2 * m).map(|j| (1.7 * j as f64).sin() + 0.3).collect();
+            let (mut q, mut v) = (vec![0.4], -0.2);
+            for a in &accelerations {
+                q.push(q[q.len() - 1] + v + 0.5 * a);
+                v += a;
+            }
+            // Second derivative of the quadratic fitted to them by least squares.
+            let s: Vec<f64> = (0..=2 * m).map(|i| i as f64 - m as f64).collect();
+            let mean = |f: &dyn Fn(usize) -> f64| (0..=2 * m).map(f).sum::<f64>() / s.len() as f64;
+            let square = mean(&|i| s[i].powi(2));
+            let covariance = mean(&|i| (s[i].powi(2) - square) * q[i]);
+            let fitted = 2.0 * covariance / mean(&|i| (s[i].powi(2) - square).powi(2));
+            let seen: f64 = kernel(m)
+                .iter()
+                .zip(&accelerations)
+                .map(|(w, a)| w * a)
+                .sum();
+            assert!((seen - fitted).abs() < 1e-12, "{seen} {fitted}");
+        }
+    }
 }
