@@ -76,7 +76,7 @@ fn write_gap(out: &mut String, gap: &Gap) {
     }
     let _ = writeln!(
         out,
-        "\nfree runs of {} s over {} windows that no fit has seen, error in units of the sensor noise (a perfect model shows 1):",
+        "\nfree runs of {} s over {} windows that no fit has seen, error in units of the sensor noise (from an estimated start, so even a perfect model shows more than 1):",
         number(gap.horizon_s),
         gap.windows
     );

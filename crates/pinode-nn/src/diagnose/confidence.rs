@@ -4,7 +4,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// Number of bootstraps.
-const DRAWS: usize = 400;
+pub const DRAWS: usize = 400;
 
 /// In what share of bootstraps over windows each contender has the best score. Each is given by its score per window and the
 /// penalty for its constants. One that diverges in a drawn window cannot win that draw.

@@ -1,6 +1,7 @@
 //! What a search has found, looked at once more: pruned, revisited, and weighed against its rivals.
 
 use super::candidate::Candidate;
+use super::confidence::DRAWS;
 use super::screen::screen;
 use super::search::{
     Contender, IMITATED, LEAST_T2, Report, Step, contender, polish, rank, refine, simpler,
@@ -213,7 +214,8 @@ fn weigh(
     }
     Found {
         candidate,
-        confidence,
+        // So many draws cannot promise more.
+        confidence: confidence.min(1.0 - 1.0 / DRAWS as f64),
         alternatives,
         indistinguishable,
         comparison,

@@ -136,7 +136,7 @@ pub struct Gap {
     pub before: f64,
     /// The same, after.
     pub after: f64,
-    /// What a perfect model would show: 1.
+    /// The sensor noise itself: 1. Free runs start from an estimated state, so even a perfect model stays above it.
     pub noise_floor: f64,
 }
 
@@ -151,7 +151,7 @@ pub struct CoordinateGap {
     pub before: f64,
     /// After.
     pub after: f64,
-    /// What a perfect model would show: 1.
+    /// The sensor noise itself: 1. Free runs start from an estimated state, so even a perfect model stays above it.
     pub noise_floor: f64,
     /// The measurement noise, in `unit`.
     pub noise: f64,

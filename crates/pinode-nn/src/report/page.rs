@@ -133,7 +133,7 @@ fn gap_sentence(gap: &Gap) -> String {
         return "No free run was possible on data held out.".to_owned();
     }
     format!(
-        "Root-mean-square errors of {} free runs of {} s, each coordinate in units of its own sensor noise; a perfect model shows 1.",
+        "Root-mean-square errors of {} free runs of {} s, each coordinate in units of its own sensor noise. Free runs start from an estimated state, so even a perfect model shows more than 1.",
         gap.windows,
         short(gap.horizon_s)
     )
