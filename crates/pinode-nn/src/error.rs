@@ -66,8 +66,16 @@ pub enum Error {
         /// Length asked for, s.
         horizon: f64,
     },
-    /// A model would replace the file it was read from.
-    #[error("{} is the model that was read: write the revised one to another folder or under another name", path.display())]
+    /// A log is given twice.
+    #[error("{} is given twice (the same content as {}): a window that a fit has seen cannot be held out", second.display(), first.display())]
+    SameLog {
+        /// The first of the two.
+        first: PathBuf,
+        /// The second.
+        second: PathBuf,
+    },
+    /// An output would replace a file that was read.
+    #[error("{} is an input that was read: write to another folder or under another name", path.display())]
     OverwritesInput {
         /// The file.
         path: PathBuf,

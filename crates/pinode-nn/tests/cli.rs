@@ -427,3 +427,24 @@ fn dynamics_of_energies_as_text_agree_with_closed_forms() {
         assert_agrees(&path, &oracle["states"], name);
     }
 }
+
+#[test]
+fn simulate_writes_over_none_of_its_inputs() {
+    let dir = tempfile::tempdir().unwrap();
+    let model = dir.path().join("double_pendulum.toml");
+    let given = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../models/double_pendulum/double_pendulum_text.toml"
+    );
+    std::fs::copy(given, &model).unwrap();
+    let before = std::fs::read(&model).unwrap();
+    let path = model.to_str().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_pinode"))
+        .args(["simulate", path, "--duration", "1", "--out", path])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(message.contains("is an input that was read"), "{message}");
+    assert_eq!(std::fs::read(&model).unwrap(), before);
+}

@@ -170,7 +170,7 @@ fn the_model_that_is_read_is_not_written_over() {
     );
     assert_eq!(output.status.code(), Some(1));
     assert!(
-        stderr(&output).contains("is the model that was read"),
+        stderr(&output).contains("is an input that was read"),
         "{}",
         stderr(&output)
     );
@@ -319,4 +319,27 @@ fn quiet_leaves_both_streams_empty() {
         stderr(&output)
     );
     assert!(dir.path().join("out/report.html").exists());
+}
+
+#[test]
+fn a_log_cannot_be_held_out_from_itself() {
+    let dir = folder(30.0);
+    std::fs::write(dir.path().join("cart.toml"), MODEL).unwrap();
+    let arguments = [
+        "diagnose",
+        "cart.toml",
+        "log.csv",
+        "--holdout",
+        "log.csv",
+        "--out",
+        "out",
+    ];
+    let output = pinode(dir.path(), &arguments);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        stderr(&output).contains("is given twice"),
+        "{}",
+        stderr(&output)
+    );
+    assert!(!dir.path().join("out").exists());
 }

@@ -69,7 +69,7 @@ struct Options {
     #[arg(long, global = true)]
     json: bool,
     /// Number of threads [default: one per processor]; does not change results
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     threads: Option<u16>,
     /// No text for people but errors
     #[arg(long, global = true)]

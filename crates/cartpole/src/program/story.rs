@@ -115,6 +115,11 @@ fn diagnose(setting: &Setting, recorded: &Recorded, output: &Output) -> Result<F
     let model = output.load_model(&recorded.model)?;
     let log = output.read_log(&recorded.log, &model)?;
     let out: &Path = &setting.out.join("diagnosis");
+    // The seed may have come from the clock: with it the command repeats the run.
+    let mut command = command_line();
+    if !command.contains("--seed") {
+        command += &format!(" --seed {}", setting.seed);
+    }
     Ok(workflow::run(
         &Task {
             model: &model,
@@ -122,7 +127,7 @@ fn diagnose(setting: &Setting, recorded: &Recorded, output: &Output) -> Result<F
             held_out: &[],
             out,
             seed: SEED_OF_THE_DIAGNOSIS,
-            command: &command_line(),
+            command: &command,
         },
         output,
     )?)

@@ -42,7 +42,7 @@ struct Common {
     #[arg(long, global = true, value_name = "N", default_value_t = 0)]
     seed: u64,
     /// Number of threads [default: one per processor]; does not change results
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     threads: Option<u16>,
     /// No text for people but errors
     #[arg(long, global = true)]

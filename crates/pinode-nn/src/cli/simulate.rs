@@ -14,6 +14,8 @@ use crate::model::Model;
 
 /// A longer trajectory is refused.
 const MOST_SAMPLES: f64 = 1e7;
+/// So are more integration steps between two samples.
+const MOST_STEPS: f64 = 1e6;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
@@ -56,6 +58,24 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     let model = output.load_model(&arguments.model)?;
     let n = model.mechanics.nv();
+    for input in std::iter::once(&arguments.model).chain(&arguments.log) {
+        if let (Ok(input), Ok(out)) = (input.canonicalize(), arguments.out.canonicalize())
+            && input == out
+        {
+            return Err(Error::OverwritesInput {
+                path: arguments.out.clone(),
+            });
+        }
+    }
+    if arguments.log.is_none() && arguments.sample / arguments.step > MOST_STEPS {
+        return Err(Error::Problems(Problems {
+            source: "--step".into(),
+            list: vec![Problem::general(format!(
+                "{:e} s is more than {MOST_STEPS:e} times shorter than the interval between samples: take a longer step",
+                arguments.step
+            ))],
+        }));
+    }
     if let Some(initial) = &arguments.initial {
         check_initial(&model, initial)?;
     }

@@ -97,6 +97,9 @@ fn work(task: &Task, output: &Output) -> Result<Finished, Error> {
     })
 }
 
+/// What the workflow writes, beside a copy of the URDF.
+const OWN_FILES: [&str; 3] = ["model.toml", "diagnosis.json", report::FILE_NAME];
+
 /// A folder, and what was there before.
 struct Folder {
     path: PathBuf,
@@ -123,11 +126,18 @@ impl Folder {
         })
     }
 
-    /// Removes the files and folders that are new. What cannot be removed stays: the error that led here is the one to tell.
+    /// Removes the files of the workflow that were not there before, and the folders made for them; what others wrote stays. What
+    /// cannot be removed stays as well: the error that led here is the one to tell.
     fn leave_as_it_was(&self) {
         let now = names(&self.path).unwrap_or_default();
         for name in now.difference(&self.before) {
-            let _ = std::fs::remove_file(self.path.join(name));
+            let path = Path::new(name);
+            let is_urdf = path
+                .extension()
+                .is_some_and(|e| e.eq_ignore_ascii_case("urdf"));
+            if is_urdf || OWN_FILES.iter().any(|own| name == own) {
+                let _ = std::fs::remove_file(self.path.join(name));
+            }
         }
         for folder in &self.made {
             let _ = std::fs::remove_dir(folder); // refuses a folder with something in it

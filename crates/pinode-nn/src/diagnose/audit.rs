@@ -68,24 +68,41 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> (Observations, Ve
         let sensor = &model.sensors[channel.coordinate];
         let quantum = sensor.resolution.unwrap_or(0.0) / 12.0_f64.sqrt();
         let declared = sensor.position_noise.filter(|_| !channel.velocity);
+        let seen = noise(&smooth);
+        let name = &coordinates[channel.coordinate].name;
+        let letter = if channel.velocity { "v" } else { "q" };
         channel.noise = match declared {
-            Some(noise) => noise.hypot(quantum),
-            None => noise(&smooth).max(quantum),
+            Some(declared) if seen <= MORE_THAN_DECLARED * declared => declared.hypot(quantum),
+            Some(declared) => {
+                faults.push(DataFault {
+                    kind: "noise".into(),
+                    column: format!("{letter}.{name}"),
+                    when: Vec::new(),
+                    detail: format!(
+                        "the readings scatter by {seen:.2e} {}, the model declares {declared:.2e}; the scatter is taken",
+                        coordinates[channel.coordinate].unit()
+                    ),
+                });
+                seen
+            }
+            None => seen.max(quantum),
         };
-        let range = smooth
-            .iter()
-            .flatten()
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &y| {
-                (low.min(y), high.max(y))
-            });
-        // A sensor without noise does not exist; a simulated log may have none.
-        channel.noise = channel.noise.max(1e-7 * (range.1 - range.0).max(1e-9));
+        if channel.noise == 0.0 {
+            // A sensor without noise does not exist; a simulated log may have none. The middle nine tenths tell the range.
+            let mut sorted: Vec<f64> = smooth.iter().flatten().copied().collect();
+            sorted.sort_by(f64::total_cmp);
+            let at = |share: usize| {
+                sorted
+                    .get(sorted.len() * share / 20)
+                    .copied()
+                    .unwrap_or(0.0)
+            };
+            channel.noise = 1e-7 * (at(19) - at(1)).max(1e-9);
+        }
         let marked: Vec<Vec<bool>> = smooth
             .iter()
             .map(|y| without_outliers(y, channel.noise))
             .collect();
-        let name = &coordinates[channel.coordinate].name;
-        let letter = if channel.velocity { "v" } else { "q" };
         let when: Vec<[f64; 2]> = all
             .iter()
             .zip(&marked)
@@ -169,6 +186,8 @@ fn is_difference(t: &[f64], q: &[f64], v: &[f64]) -> bool {
     moving > 0 && agree * 10 > moving * 9
 }
 
+/// Readings that scatter more than so many times the declared noise are believed, not the declaration.
+const MORE_THAN_DECLARED: f64 = 1.5;
 /// At most this share of the samples can be outliers: what happens more often is how the sensor is.
 const MOST_OUTLIERS: f64 = 0.005;
 

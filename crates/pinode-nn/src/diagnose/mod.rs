@@ -58,7 +58,7 @@ pub struct Outcome {
 /// The same seed gives the same result, bit for bit, for any number of threads.
 ///
 /// # Errors
-/// [`Error::TooShort`] when the logs hold too few windows; [`Error::Unfittable`] when the model as given cannot be simulated over
+/// [`Error::SameLog`] when a log is given twice; [`Error::TooShort`] when the logs hold too few windows; [`Error::Unfittable`] when the model as given cannot be simulated over
 /// them; what [`Model::write_revision`] and [`Model::load`] return.
 pub fn diagnose(
     model: &Model,
@@ -68,6 +68,15 @@ pub fn diagnose(
     seed: u64,
     report: &dyn Fn(&str),
 ) -> Result<Outcome, Error> {
+    let all: Vec<&Log> = logs.iter().chain(held_out).collect();
+    for (k, second) in all.iter().enumerate() {
+        if let Some(first) = all[..k].iter().find(|first| first.sha256 == second.sha256) {
+            return Err(Error::SameLog {
+                first: first.path.clone(),
+                second: second.path.clone(),
+            });
+        }
+    }
     report("reading the log: noise, outliers, gaps");
     let (observations, data_faults) = audit::audit(model, logs, held_out);
     let fit_runs = logs.iter().map(|log| log.runs.len()).sum();

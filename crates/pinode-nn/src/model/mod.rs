@@ -29,8 +29,19 @@
 //! position_noise = 1e-3                # rad
 //! zero = 0.0                           # the sensor reads q + zero
 //!
-//! [tolerance]
-//! parameters = { l = 0.01 }
+//! # resolution = 1e-3                  # quantisation step, rad
+//! # velocity = "measured"              # or "backward_difference" of the positions, or "none"
+//!
+//! [tolerance]                          # standard deviations of what a fit may move: priors
+//! parameters = { l = 0.01 }            # relative, of constants of [lagrangian.parameters]; others are exact
+//! # mass = 0.02                        # relative, of masses and inertias of a URDF
+//! # gain = 0.01                        # relative, of input gains
+//! # zero = { phi = 0.002 }             # of sensor zeros, rad or m; two quanta unless given
+//!
+//! # [log.columns]                      # where a log has other names
+//! # "q.phi" = { column = "angle_deg", scale = 0.0174533, offset = 0.0 }
+//!
+//! # At the top, with a URDF: gravity = [0.0, 0.0, -9.81], base = "fixed", mimic = "follow" (or "ignore"), urdf_dynamics = true
 //!
 //! # [mass_scale]                       # with a URDF: factors on masses and inertias, by link
 //! # pole = 1.02
