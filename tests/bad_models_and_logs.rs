@@ -242,6 +242,7 @@ fn coordinate(name: &str) -> Coordinate {
         joint: name.into(),
         angular: false,
         wraps: false,
+        floating: false,
     }
 }
 

@@ -5,7 +5,8 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use crate::equations::derivatives::inverse_dynamics_derivatives;
 use crate::equations::{Workspace, coriolis, fast, reference};
 use crate::trace::{Compiled, Registers};
-use crate::{Coordinate, Error, InverseDynamicsDerivatives, Lagrangian, Parameter};
+use crate::{Coordinate, Error, Lagrangian, Parameter};
+use crate::{ForwardDynamicsDerivatives, InverseDynamicsDerivatives};
 
 /// The equations of motion of one mechanism: M(q) v̇ + C(q, v) v + G(q) = Q.
 ///
@@ -98,9 +99,48 @@ pub trait Mechanics: Send + Sync {
         out: &mut InverseDynamicsDerivatives,
     );
 
-    /// Number of coordinates.
+    /// v̇ and its derivatives in q, v, the generalized force Q = `force` and the constants with the given indices:
+    ///
+    /// ∂v̇/∂x = −M⁻¹ ∂(M v̇ + C v + G)/∂x at fixed v̇, and ∂v̇/∂Q = M⁻¹.
+    #[allow(clippy::too_many_arguments)]
+    fn forward_dynamics_derivatives_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        force: &[f64],
+        p: &[f64],
+        constants: &[usize],
+        work: &mut Workspace,
+        out: &mut ForwardDynamicsDerivatives,
+    ) -> Result<(), Error> {
+        out.acceleration.copy_from_slice(force);
+        self.forward_dynamics_into(q, v, p, work, &mut out.acceleration)?;
+        let mut inverse = InverseDynamicsDerivatives {
+            by_q: std::mem::take(&mut out.by_q),
+            by_v: std::mem::take(&mut out.by_v),
+            by_p: std::mem::take(&mut out.by_p),
+        };
+        let a = out.acceleration.as_slice();
+        self.inverse_dynamics_derivatives_into(q, v, a, p, constants, work, &mut inverse);
+        let InverseDynamicsDerivatives { by_q, by_v, by_p } = inverse;
+        (out.by_q, out.by_v, out.by_p) = (by_q, by_v, by_p);
+        for by in [&mut out.by_q, &mut out.by_v, &mut out.by_p] {
+            by.neg_mut();
+            work.solve_mass(by);
+        }
+        out.by_force.fill_with_identity();
+        work.solve_mass(&mut out.by_force);
+        Ok(())
+    }
+
+    /// Length of q; more than [`nv`](Self::nv) where a joint floats.
+    fn nq(&self) -> usize {
+        self.coordinates().iter().map(Coordinate::nq).sum()
+    }
+
+    /// Length of v, of accelerations and of generalized forces: the degrees of freedom.
     fn nv(&self) -> usize {
-        self.coordinates().len()
+        self.coordinates().iter().map(Coordinate::nv).sum()
     }
 
     /// The nominal constants.
@@ -176,11 +216,12 @@ pub trait Mechanics: Send + Sync {
     /// Refuses vectors of the wrong length or with NaN or infinity in them.
     fn check(&self, vectors: &[(&'static str, &[f64])]) -> Result<(), Error> {
         for &(what, vector) in vectors {
-            if vector.len() != self.nv() {
+            let expected = if what == "q" { self.nq() } else { self.nv() };
+            if vector.len() != expected {
                 return Err(Error::Dimension {
                     what,
                     found: vector.len(),
-                    expected: self.nv(),
+                    expected,
                 });
             }
             if let Some(index) = vector.iter().position(|x| !x.is_finite()) {
@@ -242,6 +283,7 @@ impl<L: Lagrangian> Dynamics<L> {
                 joint: format!("q{i}"),
                 angular: false,
                 wraps: false,
+                floating: false,
             })
             .collect();
         Self::build(lagrangian, coordinates)

@@ -69,7 +69,7 @@ pub enum Role {
     Constant,
 }
 
-/// One coordinate of a mechanism.
+/// One coordinate of a mechanism, or the pose of one floating joint.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Coordinate {
     /// Name in outputs and logs.
@@ -80,15 +80,34 @@ pub struct Coordinate {
     pub angular: bool,
     /// Whether it wraps: errors are taken on the circle.
     pub wraps: bool,
+    /// Whether it is the pose of a floating joint: in q seven numbers, position (m) and unit quaternion w x y z; in v six, linear
+    /// (m/s) and angular (rad/s) velocity in the axes of the moved body.
+    pub floating: bool,
 }
 
 impl Coordinate {
-    /// SI unit of the coordinate: `rad` or `m`.
-    pub fn unit(&self) -> &'static str {
-        if self.angular { "rad" } else { "m" }
+    /// Entries in q: 1, or 7 for a pose.
+    pub fn nq(&self) -> usize {
+        if self.floating { 7 } else { 1 }
     }
-    /// SI unit of the generalized force along it: `N·m` or `N`.
+    /// Entries in v: 1, or 6 for a pose.
+    pub fn nv(&self) -> usize {
+        if self.floating { 6 } else { 1 }
+    }
+    /// SI unit of the coordinate: `rad` or `m`; `m, 1` for a pose.
+    pub fn unit(&self) -> &'static str {
+        match (self.floating, self.angular) {
+            (true, _) => "m, 1",
+            (_, true) => "rad",
+            (_, false) => "m",
+        }
+    }
+    /// SI unit of the generalized force along it: `N·m` or `N`; `N, N·m` for a pose.
     pub fn force_unit(&self) -> &'static str {
-        if self.angular { "N·m" } else { "N" }
+        match (self.floating, self.angular) {
+            (true, _) => "N, N·m",
+            (_, true) => "N·m",
+            (_, false) => "N",
+        }
     }
 }

@@ -114,7 +114,7 @@ pub mod urdf;
 
 pub use dynamics::{Dynamics, Mechanics};
 pub use equations::Workspace;
-pub use equations::derivatives::InverseDynamicsDerivatives;
+pub use equations::derivatives::{ForwardDynamicsDerivatives, InverseDynamicsDerivatives};
 pub use error::{Error, Position, Problem, Problems};
 pub use expression::{Expression, ExpressionError, caret};
 pub use lagrangian::{Coordinate, Lagrangian, Parameter, Role};

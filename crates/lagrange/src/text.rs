@@ -301,6 +301,7 @@ fn coordinates(source: &TextSource) -> Vec<Coordinate> {
             joint: name.clone(),
             angular,
             wraps: angular,
+            floating: false,
         }
     };
     source.coordinates.iter().map(coordinate).collect()

@@ -6,7 +6,7 @@
 //!
 //! ∂Q/∂v̇ is M.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::Workspace;
 use crate::Lagrangian;
@@ -36,6 +36,34 @@ impl InverseDynamicsDerivatives {
         InverseDynamicsDerivatives {
             by_q: DMatrix::zeros(nv, nv),
             by_v: DMatrix::zeros(nv, nv),
+            by_p: DMatrix::zeros(nv, np),
+        }
+    }
+}
+
+/// The acceleration v̇(q, v, Q; p) of the forward dynamics and its derivatives, one column a variable.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ForwardDynamicsDerivatives {
+    /// v̇.
+    pub acceleration: DVector<f64>,
+    /// ∂v̇/∂q at fixed v and Q, n × n; along the tangent of q where a joint floats.
+    pub by_q: DMatrix<f64>,
+    /// ∂v̇/∂v at fixed q and Q, n × n.
+    pub by_v: DMatrix<f64>,
+    /// ∂v̇/∂Q, n × n, symmetric: M⁻¹ where nothing is constrained.
+    pub by_force: DMatrix<f64>,
+    /// ∂v̇/∂p for the constants that were asked for, n × their number.
+    pub by_p: DMatrix<f64>,
+}
+
+impl ForwardDynamicsDerivatives {
+    /// Zeros, for `nv` degrees of freedom and `np` constants.
+    pub fn zeros(nv: usize, np: usize) -> Self {
+        ForwardDynamicsDerivatives {
+            acceleration: DVector::zeros(nv),
+            by_q: DMatrix::zeros(nv, nv),
+            by_v: DMatrix::zeros(nv, nv),
+            by_force: DMatrix::zeros(nv, nv),
             by_p: DMatrix::zeros(nv, np),
         }
     }

@@ -146,6 +146,7 @@ pub(crate) fn coordinates(
                 joint: joint.name.clone(),
                 angular: joint.kind.is_angular(),
                 wraps: joint.kind == JointKind::Continuous,
+                floating: false,
             });
         }
     }
