@@ -2,6 +2,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
+use crate::constraint::Holonomic;
 use crate::equations::derivatives::inverse_dynamics_derivatives;
 use crate::equations::{Workspace, coriolis, fast, reference};
 use crate::trace::{Compiled, Registers};
@@ -131,6 +132,11 @@ pub trait Mechanics: Send + Sync {
         out.by_force.fill_with_identity();
         work.solve_mass(&mut out.by_force);
         Ok(())
+    }
+
+    /// The constraints that the forward dynamics obeys, where there are some; see [`Constrained`](crate::constraint::Constrained).
+    fn constraints(&self) -> Option<&dyn Holonomic> {
+        None
     }
 
     /// Length of q; more than [`nv`](Self::nv) where a joint floats.

@@ -127,4 +127,53 @@ pub enum Error {
         /// Its value.
         value: f64,
     },
+    /// A number that must not be negative is.
+    #[error("{what} is {value}: it must be 0 or more")]
+    Negative {
+        /// Which number.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// The rank of the constraints' Jacobian falls at a configuration, a dead centre: the multipliers are not determined.
+    #[error(
+        "constraint `{name}` depends on those before it at q = {q:?} (its row of ∂φ/∂q is within {angle:.1e} rad of their span): \
+         the multipliers are not determined at such a dead centre; start aside of it, or choose an arrangement that does not pass it"
+    )]
+    SingularConstraint {
+        /// The equation that depends on those before it.
+        name: String,
+        /// The configuration.
+        q: Vec<f64>,
+        /// The angle between its row of J and the span of the rows before it, rad.
+        angle: f64,
+    },
+    /// No state that obeys the constraints was found.
+    #[error(
+        "the constraints are not satisfied: the search for φ = 0 ends at q = {q:?}, where `{name}` is {residual:e}; \
+         look for equations that contradict one another, or start nearer to a configuration that closes"
+    )]
+    Inconsistent {
+        /// The equation with the largest residual there.
+        name: String,
+        /// Its residual (or, where the positions close, its rate).
+        residual: f64,
+        /// Where the search ended.
+        q: Vec<f64>,
+    },
+    /// A constraint or its derivative is NaN or infinite.
+    #[error(
+        "∂φ/∂q is not finite at q = {q:?} (equation `{name}` or one after it): the formula has a singular point there"
+    )]
+    ConstraintNotFinite {
+        /// The first equation that cannot be used.
+        name: String,
+        /// The configuration.
+        q: Vec<f64>,
+    },
+    /// A mechanism with constraints was to be constrained again.
+    #[error(
+        "the mechanism has constraints already: join all of them in one `Constrained`, as a pair (a, b)"
+    )]
+    ConstrainedTwice,
 }

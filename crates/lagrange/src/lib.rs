@@ -101,6 +101,7 @@
 //! Every call has an `_into` twin that allocates nothing and takes the constants ([`Mechanics::parameters`]: mass scales of a URDF's
 //! bodies, parameters of a text) as an argument; [`Workspace`] is its memory, one a thread.
 //! [`inverse_dynamics_derivatives_into`](Mechanics::inverse_dynamics_derivatives_into) gives what gradients need.
+pub mod constraint;
 mod dynamics;
 pub mod equations;
 mod error;

@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual64, HyperDual64, HyperHyperDual64};
 
 use crate::Scalar;
+use crate::constraint::Room;
 use crate::trace::Registers;
 
 /// Scratch memory of one mechanism for one thread. Make it with [`Mechanics::workspace`](crate::Mechanics::workspace).
@@ -21,6 +22,8 @@ pub struct Workspace {
     pub(crate) mass_by_q: Vec<DMatrix<f64>>,
     /// Of the compiled programs, where there are some.
     pub(crate) registers: Registers,
+    /// Of the constraints, where there are some.
+    pub(crate) constraint: Room,
 }
 
 /// The arguments of the energies on one number type.
@@ -63,6 +66,7 @@ impl Workspace {
             diagonal: vec![0.0; nv],
             mass_by_q: vec![DMatrix::zeros(nv, nv); nv],
             registers,
+            constraint: Room::default(),
         }
     }
 
