@@ -1,0 +1,118 @@
+//! Every call of [`Mechanics`] on robots, over 64 random states: `cargo bench -p lagrange --bench robots`.
+//!
+//! The names are those of the rows in BENCHMARKS.md; `benches/peers` runs the same in Pinocchio and MuJoCo.
+#![allow(clippy::unwrap_used)] // a bench may stop
+#![allow(missing_docs)] // of what criterion's macros write
+
+mod support;
+
+use criterion::{BenchmarkGroup, Criterion, criterion_group, criterion_main};
+use lagrange::{ForwardDynamicsDerivatives, InverseDynamicsDerivatives, Mechanics};
+use nalgebra::{DMatrix, DVector};
+
+use support::cpu_time::CpuTime;
+use support::robot::{self, Robot, State};
+
+fn robots(criterion: &mut Criterion<CpuTime>) {
+    for robot in robot::all() {
+        let mut group = criterion.benchmark_group(&robot.name);
+        matrices_and_forces(&mut group, &robot);
+        dynamics(&mut group, &robot);
+        derivatives(&mut group, &robot);
+        group.finish();
+    }
+}
+
+/// Times `call` over the robot's states, one after the other.
+fn over_states(
+    group: &mut BenchmarkGroup<'_, CpuTime>,
+    name: &str,
+    robot: &Robot,
+    mut call: impl FnMut(&State) -> f64,
+) {
+    let mut states = robot.states.iter().cycle();
+    group.bench_function(name, |bencher| {
+        bencher.iter(|| call(states.next().unwrap()))
+    });
+}
+
+fn matrices_and_forces(group: &mut BenchmarkGroup<'_, CpuTime>, robot: &Robot) {
+    let mechanics = &robot.mechanics;
+    let (n, p) = (mechanics.nv(), mechanics.nominal());
+    let work = &mut mechanics.workspace();
+    let (mut mass, mut coriolis) = (DMatrix::zeros(n, n), DMatrix::zeros(n, n));
+    let mut force = DVector::zeros(n);
+
+    over_states(group, "mass_matrix", robot, |s| {
+        mechanics.mass_matrix_into(&s.q, &p, work, &mut mass);
+        mass[0]
+    });
+    over_states(group, "coriolis_matrix", robot, |s| {
+        mechanics.coriolis_matrix_into(&s.q, &s.v, &p, work, &mut coriolis);
+        coriolis[0]
+    });
+    over_states(group, "gravity_force", robot, |s| {
+        mechanics.gravity_force_into(&s.q, &p, work, &mut force);
+        force[0]
+    });
+    over_states(group, "bias_force", robot, |s| {
+        mechanics.bias_force_into(&s.q, &s.v, &p, work, &mut force);
+        force[0]
+    });
+    over_states(group, "M_C_G_together", robot, |s| {
+        mechanics.mass_matrix_into(&s.q, &p, work, &mut mass);
+        mechanics.coriolis_matrix_into(&s.q, &s.v, &p, work, &mut coriolis);
+        mechanics.gravity_force_into(&s.q, &p, work, &mut force);
+        mass[0] + coriolis[0] + force[0]
+    });
+    over_states(group, "energies", robot, |s| {
+        mechanics.kinetic_energy_with(&s.q, &s.v, &p) + mechanics.potential_energy_with(&s.q, &p)
+    });
+}
+
+fn dynamics(group: &mut BenchmarkGroup<'_, CpuTime>, robot: &Robot) {
+    let mechanics = &robot.mechanics;
+    let p = mechanics.nominal();
+    let work = &mut mechanics.workspace();
+    let mut out = DVector::zeros(mechanics.nv());
+
+    over_states(group, "inverse_dynamics", robot, |s| {
+        mechanics.inverse_dynamics_into(&s.q, &s.v, &s.a, &p, work, &mut out);
+        out[0]
+    });
+    over_states(group, "forward_dynamics", robot, |s| {
+        out.copy_from_slice(&s.a);
+        mechanics
+            .forward_dynamics_into(&s.q, &s.v, &p, work, &mut out)
+            .unwrap();
+        out[0]
+    });
+}
+
+fn derivatives(group: &mut BenchmarkGroup<'_, CpuTime>, robot: &Robot) {
+    let mechanics = &robot.mechanics;
+    let (n, p) = (mechanics.nv(), mechanics.nominal());
+    let work = &mut mechanics.workspace();
+    let mut inverse = InverseDynamicsDerivatives::zeros(n, 0);
+    let mut forward = ForwardDynamicsDerivatives::zeros(n, 0);
+
+    over_states(group, "inverse_dynamics_derivatives", robot, |s| {
+        let out = &mut inverse;
+        mechanics.inverse_dynamics_derivatives_into(&s.q, &s.v, &s.a, &p, &[], work, out);
+        inverse.by_q[0]
+    });
+    over_states(group, "forward_dynamics_derivatives", robot, |s| {
+        let out = &mut forward;
+        mechanics
+            .forward_dynamics_derivatives_into(&s.q, &s.v, &s.a, &p, &[], work, out)
+            .unwrap();
+        forward.by_q[0]
+    });
+}
+
+criterion_group! {
+    name = benches;
+    config = support::criterion();
+    targets = robots
+}
+criterion_main!(benches);

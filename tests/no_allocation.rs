@@ -1,0 +1,229 @@
+//! The `_into` calls take no memory: after the first call of each, all of them together allocate nothing.
+#![allow(clippy::unwrap_used, clippy::panic)] // helpers of tests
+
+mod common {
+    pub mod load;
+}
+
+use std::fmt::Write;
+
+use common::load::tree;
+use lagrange::constraint::{Constrained, Constraint};
+use lagrange::urdf::Options;
+use lagrange::{
+    Dynamics, ForwardDynamicsDerivatives, InverseDynamicsDerivatives, Mechanics, Scalar,
+    TextLagrangian, TextSource,
+};
+use nalgebra::{DMatrix, DVector};
+
+/// What the calls write to.
+struct Results {
+    work: lagrange::Workspace,
+    matrix: DMatrix<f64>,
+    force: DVector<f64>,
+    acceleration: DVector<f64>,
+    inverse: InverseDynamicsDerivatives,
+    forward: ForwardDynamicsDerivatives,
+}
+
+impl Results {
+    fn of(mechanics: &dyn Mechanics, constants: usize) -> Self {
+        let n = mechanics.nv();
+        Results {
+            work: mechanics.workspace(),
+            matrix: DMatrix::zeros(n, n),
+            force: DVector::zeros(n),
+            acceleration: DVector::zeros(n),
+            inverse: InverseDynamicsDerivatives::zeros(n, constants),
+            forward: ForwardDynamicsDerivatives::zeros(n, constants),
+        }
+    }
+}
+
+type Call = fn(&dyn Mechanics, &[f64], &[f64], &[f64], &[usize], &mut Results);
+
+/// Every `_into` call of [`Mechanics`], by name.
+const CALLS: [(&str, Call); 9] = [
+    ("energies", |m, q, v, p, _, _| {
+        let energy = m.kinetic_energy_with(q, v, p) + m.potential_energy_with(q, p);
+        assert!(energy.is_finite());
+    }),
+    ("mass_matrix_into", |m, q, _, p, _, r| {
+        m.mass_matrix_into(q, p, &mut r.work, &mut r.matrix);
+    }),
+    ("coriolis_matrix_into", |m, q, v, p, _, r| {
+        m.coriolis_matrix_into(q, v, p, &mut r.work, &mut r.matrix);
+    }),
+    ("gravity_force_into", |m, q, _, p, _, r| {
+        m.gravity_force_into(q, p, &mut r.work, &mut r.force);
+    }),
+    ("bias_force_into", |m, q, v, p, _, r| {
+        m.bias_force_into(q, v, p, &mut r.work, &mut r.force);
+    }),
+    ("inverse_dynamics_into", |m, q, v, p, _, r| {
+        m.inverse_dynamics_into(q, v, v, p, &mut r.work, &mut r.force);
+    }),
+    ("forward_dynamics_into", |m, q, v, p, _, r| {
+        r.acceleration.fill(0.1);
+        let (work, out) = (&mut r.work, &mut r.acceleration);
+        m.forward_dynamics_into(q, v, p, work, out).unwrap();
+    }),
+    ("inverse_dynamics_derivatives_into", |m, q, v, p, c, r| {
+        let (work, out) = (&mut r.work, &mut r.inverse);
+        m.inverse_dynamics_derivatives_into(q, v, v, p, c, work, out);
+    }),
+    ("forward_dynamics_derivatives_into", |m, q, v, p, c, r| {
+        let (work, out) = (&mut r.work, &mut r.forward);
+        m.forward_dynamics_derivatives_into(q, v, v, p, c, work, out)
+            .unwrap();
+    }),
+];
+
+/// Goes twice through all calls and counts in the second round. No derivatives in the constants, and in all of them.
+fn assert_no_allocation(mechanics: &dyn Mechanics, q: &[f64]) {
+    let p = mechanics.nominal();
+    let v: Vec<f64> = (0..mechanics.nv())
+        .map(|i| (1.7 * i as f64).cos())
+        .collect();
+    let all: Vec<usize> = (0..p.len()).collect();
+    for constants in [&[], all.as_slice()] {
+        let mut results = Results::of(mechanics, constants.len());
+        for (_, call) in CALLS {
+            call(mechanics, q, &v, &p, constants, &mut results);
+        }
+        for (name, call) in CALLS {
+            let counted = allocation_counter::measure(|| {
+                call(mechanics, q, &v, &p, constants, &mut results);
+            });
+            let (count, bytes) = (counted.count_total, counted.bytes_total);
+            assert_eq!(count, 0, "{name} allocates {count} times, {bytes} bytes");
+        }
+    }
+}
+
+/// Positions off the symmetric ones.
+fn somewhere(n: usize) -> Vec<f64> {
+    (0..n).map(|i| 0.3 + 0.9 * (2.3 * i as f64).sin()).collect()
+}
+
+fn check(mechanics: &dyn Mechanics) {
+    assert_no_allocation(mechanics, &somewhere(mechanics.nv()));
+}
+
+/// Bodies on oblique joints; joint k hangs on link `parent(k)`.
+fn bodies(count: usize, parent: impl Fn(usize) -> usize) -> String {
+    let mut text = String::from("<robot name=\"bodies\"><link name=\"l0\"/>");
+    for k in 0..count {
+        let kind = if k % 5 == 3 { "prismatic" } else { "revolute" };
+        let (from, child, tilt) = (parent(k), k + 1, 0.3 * k as f64);
+        write!(
+            text,
+            r#"<link name="l{child}"><inertial><origin xyz="0.05 0.02 -0.1" rpy="0.1 0.2 {tilt}"/><mass value="1.5"/>
+  <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.025"/></inertial></link>
+<joint name="j{child}" type="{kind}"><parent link="l{from}"/><child link="l{child}"/>
+  <origin xyz="0.1 0 -0.2" rpy="{tilt} 0.4 0"/><axis xyz="0.2 1 {tilt}"/><limit lower="-9" upper="9" effort="9" velocity="9"/></joint>"#
+        )
+        .unwrap();
+    }
+    text + "</robot>"
+}
+
+fn text(kinetic: &str, potential: &str) -> Dynamics<TextLagrangian> {
+    let text = TextLagrangian::new(&TextSource {
+        coordinates: vec!["x".into(), "y".into()],
+        kinetic: kinetic.into(),
+        potential: potential.into(),
+        parameters: vec![("m".into(), 0.5), ("c".into(), 2.0)],
+        ..TextSource::default()
+    })
+    .unwrap();
+    Dynamics::of(text)
+}
+
+#[test]
+fn the_counter_counts() {
+    let counted = allocation_counter::measure(|| drop(std::hint::black_box(vec![1.0_f64; 100])));
+    assert_eq!((counted.count_total, counted.bytes_total), (1, 800));
+}
+
+#[test]
+fn a_compiled_cartpole() {
+    let urdf = include_str!("../models/cartpole/cartpole.urdf");
+    let cartpole = tree(urdf, &Options::default());
+    assert!(cartpole.is_compiled());
+    check(&cartpole);
+    check(&cartpole.by_duals());
+}
+
+#[test]
+fn an_arm_of_seven_joints() {
+    check(&tree(&bodies(7, |k| k), &Options::default()));
+}
+
+#[test]
+fn a_branched_tree_of_twenty_joints() {
+    check(&tree(&bodies(20, |k| k / 2), &Options::default()));
+}
+
+#[test]
+fn energies_written_as_text() {
+    let kinetic = "0.5*m*(x_dot^2 + (1 + c*sin(x)^2)*y_dot^2)";
+    let bead = text(kinetic, "m*9.81*x*cos(y)");
+    check(&bead);
+    check(&bead.by_duals());
+}
+
+/// Two point masses, 1 kg and 2 kg, in a vertical plane: q = (x₁, z₁, x₂, z₂).
+struct Masses;
+
+impl lagrange::Lagrangian for Masses {
+    fn dof(&self) -> usize {
+        4
+    }
+    fn kinetic<D: Scalar>(&self, _q: &[D], v: &[D]) -> D {
+        (v[0] * v[0] + v[1] * v[1]) * 0.5 + v[2] * v[2] + v[3] * v[3]
+    }
+    fn potential<D: Scalar>(&self, q: &[D]) -> D {
+        (q[1] + q[3] * 2.0) * 9.81
+    }
+}
+
+/// A rod of 1 m from the origin to the first, and one from there to the second.
+struct Rods;
+
+impl Constraint for Rods {
+    fn len(&self) -> usize {
+        2
+    }
+    fn name(&self, equation: usize) -> String {
+        format!("rod {equation}")
+    }
+    fn residual<D: Scalar>(&self, q: &[D], out: &mut [D]) {
+        out[0] = q[0] * q[0] + q[1] * q[1] - 1.0;
+        let (x, z) = (q[2] - q[0], q[3] - q[1]);
+        out[1] = x * x + z * z - 1.0;
+    }
+}
+
+#[test]
+fn masses_on_rods() {
+    let pendulum = Constrained::new(Dynamics::of(Masses), Rods).unwrap();
+    assert_no_allocation(&pendulum, &[0.6, -0.8, 1.6, -0.8]);
+}
+
+#[test]
+fn a_base_that_floats() {
+    let options = Options {
+        floating_base: true,
+        ..Options::default()
+    };
+    let urdf = bodies(6, |k| k / 2);
+    if let Err(problems) = lagrange::urdf::read(&urdf, &options) {
+        eprintln!("SKIPPED: {problems}");
+        return;
+    }
+    let robot = tree(&urdf, &options);
+    let pose = [0.1, -0.2, 0.9, 0.5, 0.5, -0.5, 0.5];
+    let q = [&pose, somewhere(6).as_slice()].concat();
+    assert_no_allocation(&robot, &q);
+}
