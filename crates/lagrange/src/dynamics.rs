@@ -1,246 +1,13 @@
-//! A mechanism's equations of motion, whatever its energies were written in.
+//! The equations of motion of a [`Lagrangian`], by the fastest route there is for it.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use crate::constraint::Holonomic;
 use crate::equations::derivatives::inverse_dynamics_derivatives;
-use crate::equations::{Workspace, coriolis, fast, reference};
+use crate::equations::{Workspace, coriolis, fast, one_by_one, reference};
 use crate::trace::{Compiled, Registers};
-use crate::{Coordinate, Error, Lagrangian, Parameter};
+use crate::tree::{At, Engine, Machine};
+use crate::{Coordinate, Error, LANES, Lagrangian, Mechanics, Parameter};
 use crate::{ForwardDynamicsDerivatives, InverseDynamicsDerivatives};
-
-/// The equations of motion of one mechanism: M(q) v̇ + C(q, v) v + G(q) = Q.
-///
-/// Immutable and shared; what changes is in the [`Workspace`] of each thread. Every allocating call takes the nominal constants
-/// and checks its arguments; its `_into` twin takes the constants `p` (as many as [`parameters`](Self::parameters)), checks
-/// nothing, allocates nothing, and panics when a slice has the wrong length.
-///
-/// q in m or rad, v in m/s or rad/s, forces in N or N·m, energies in J.
-pub trait Mechanics: Send + Sync {
-    /// The coordinates, in the order of q and v.
-    fn coordinates(&self) -> &[Coordinate];
-
-    /// The constants that a fit may move.
-    fn parameters(&self) -> &[Parameter];
-
-    /// Scratch memory for the `_into` calls.
-    fn workspace(&self) -> Workspace;
-
-    /// T(q, v), J.
-    fn kinetic_energy_with(&self, q: &[f64], v: &[f64], p: &[f64]) -> f64;
-
-    /// V(q), J.
-    fn potential_energy_with(&self, q: &[f64], p: &[f64]) -> f64;
-
-    /// M(q), symmetric, all of it filled. For T not quadratic in v it is M(q, 0).
-    fn mass_matrix_into(&self, q: &[f64], p: &[f64], work: &mut Workspace, out: &mut DMatrix<f64>);
-
-    /// The Christoffel matrix C(q, v), for which Ṁ − 2C is skew. Defined for T quadratic in v.
-    fn coriolis_matrix_into(
-        &self,
-        q: &[f64],
-        v: &[f64],
-        p: &[f64],
-        work: &mut Workspace,
-        out: &mut DMatrix<f64>,
-    );
-
-    /// G(q) = +∂V/∂q, on the left-hand side.
-    fn gravity_force_into(
-        &self,
-        q: &[f64],
-        p: &[f64],
-        work: &mut Workspace,
-        out: &mut DVector<f64>,
-    );
-
-    /// C v + G, on the left-hand side.
-    fn bias_force_into(
-        &self,
-        q: &[f64],
-        v: &[f64],
-        p: &[f64],
-        work: &mut Workspace,
-        out: &mut DVector<f64>,
-    );
-
-    /// Q = M v̇ + C v + G for v̇ = `a`.
-    fn inverse_dynamics_into(
-        &self,
-        q: &[f64],
-        v: &[f64],
-        a: &[f64],
-        p: &[f64],
-        work: &mut Workspace,
-        out: &mut DVector<f64>,
-    );
-
-    /// v̇ from M v̇ = Q − C v − G by Cholesky: `out` holds Q and becomes v̇. Afterwards
-    /// [`Workspace::solve_mass`] can use the factor.
-    fn forward_dynamics_into(
-        &self,
-        q: &[f64],
-        v: &[f64],
-        p: &[f64],
-        work: &mut Workspace,
-        out: &mut DVector<f64>,
-    ) -> Result<(), Error>;
-
-    /// Derivatives of the inverse dynamics at (q, v, v̇ = a) in q, v and the constants with the given indices. For T quadratic
-    /// in v or not.
-    #[allow(clippy::too_many_arguments)]
-    fn inverse_dynamics_derivatives_into(
-        &self,
-        q: &[f64],
-        v: &[f64],
-        a: &[f64],
-        p: &[f64],
-        constants: &[usize],
-        work: &mut Workspace,
-        out: &mut InverseDynamicsDerivatives,
-    );
-
-    /// v̇ and its derivatives in q, v, the generalized force Q = `force` and the constants with the given indices:
-    ///
-    /// ∂v̇/∂x = −M⁻¹ ∂(M v̇ + C v + G)/∂x at fixed v̇, and ∂v̇/∂Q = M⁻¹.
-    #[allow(clippy::too_many_arguments)]
-    fn forward_dynamics_derivatives_into(
-        &self,
-        q: &[f64],
-        v: &[f64],
-        force: &[f64],
-        p: &[f64],
-        constants: &[usize],
-        work: &mut Workspace,
-        out: &mut ForwardDynamicsDerivatives,
-    ) -> Result<(), Error> {
-        out.acceleration.copy_from_slice(force);
-        self.forward_dynamics_into(q, v, p, work, &mut out.acceleration)?;
-        let mut inverse = InverseDynamicsDerivatives {
-            by_q: std::mem::take(&mut out.by_q),
-            by_v: std::mem::take(&mut out.by_v),
-            by_p: std::mem::take(&mut out.by_p),
-        };
-        let a = out.acceleration.as_slice();
-        self.inverse_dynamics_derivatives_into(q, v, a, p, constants, work, &mut inverse);
-        let InverseDynamicsDerivatives { by_q, by_v, by_p } = inverse;
-        (out.by_q, out.by_v, out.by_p) = (by_q, by_v, by_p);
-        for by in [&mut out.by_q, &mut out.by_v, &mut out.by_p] {
-            by.neg_mut();
-            work.solve_mass(by);
-        }
-        out.by_force.fill_with_identity();
-        work.solve_mass(&mut out.by_force);
-        Ok(())
-    }
-
-    /// The constraints that the forward dynamics obeys, where there are some; see [`Constrained`](crate::constraint::Constrained).
-    fn constraints(&self) -> Option<&dyn Holonomic> {
-        None
-    }
-
-    /// Length of q; more than [`nv`](Self::nv) where a joint floats.
-    fn nq(&self) -> usize {
-        self.coordinates().iter().map(Coordinate::nq).sum()
-    }
-
-    /// Length of v, of accelerations and of generalized forces: the degrees of freedom.
-    fn nv(&self) -> usize {
-        self.coordinates().iter().map(Coordinate::nv).sum()
-    }
-
-    /// The nominal constants.
-    fn nominal(&self) -> Vec<f64> {
-        self.parameters().iter().map(|p| p.nominal).collect()
-    }
-
-    /// T(q, v), J.
-    fn kinetic_energy(&self, q: &[f64], v: &[f64]) -> Result<f64, Error> {
-        self.check(&[("q", q), ("v", v)])?;
-        Ok(self.kinetic_energy_with(q, v, &self.nominal()))
-    }
-
-    /// V(q), J; zero at the world's origin for a URDF.
-    fn potential_energy(&self, q: &[f64]) -> Result<f64, Error> {
-        self.check(&[("q", q)])?;
-        Ok(self.potential_energy_with(q, &self.nominal()))
-    }
-
-    /// T + V, J: constant along a motion with Q = 0.
-    fn total_energy(&self, q: &[f64], v: &[f64]) -> Result<f64, Error> {
-        Ok(self.kinetic_energy(q, v)? + self.potential_energy(q)?)
-    }
-
-    /// M(q).
-    fn mass_matrix(&self, q: &[f64]) -> Result<DMatrix<f64>, Error> {
-        self.check(&[("q", q)])?;
-        let mut out = DMatrix::zeros(self.nv(), self.nv());
-        self.mass_matrix_into(q, &self.nominal(), &mut self.workspace(), &mut out);
-        Ok(out)
-    }
-
-    /// The Christoffel matrix C(q, v).
-    fn coriolis_matrix(&self, q: &[f64], v: &[f64]) -> Result<DMatrix<f64>, Error> {
-        self.check(&[("q", q), ("v", v)])?;
-        let mut out = DMatrix::zeros(self.nv(), self.nv());
-        self.coriolis_matrix_into(q, v, &self.nominal(), &mut self.workspace(), &mut out);
-        Ok(out)
-    }
-
-    /// G(q) = +∂V/∂q, on the left-hand side.
-    fn gravity_force(&self, q: &[f64]) -> Result<DVector<f64>, Error> {
-        self.check(&[("q", q)])?;
-        let mut out = DVector::zeros(self.nv());
-        self.gravity_force_into(q, &self.nominal(), &mut self.workspace(), &mut out);
-        Ok(out)
-    }
-
-    /// C v + G, on the left-hand side.
-    fn bias_force(&self, q: &[f64], v: &[f64]) -> Result<DVector<f64>, Error> {
-        self.check(&[("q", q), ("v", v)])?;
-        let mut out = DVector::zeros(self.nv());
-        self.bias_force_into(q, v, &self.nominal(), &mut self.workspace(), &mut out);
-        Ok(out)
-    }
-
-    /// The generalized force Q = M a + C v + G that makes the mechanism accelerate with `a`.
-    fn inverse_dynamics(&self, q: &[f64], v: &[f64], a: &[f64]) -> Result<DVector<f64>, Error> {
-        self.check(&[("q", q), ("v", v), ("a", a)])?;
-        let mut out = DVector::zeros(self.nv());
-        self.inverse_dynamics_into(q, v, a, &self.nominal(), &mut self.workspace(), &mut out);
-        Ok(out)
-    }
-
-    /// The acceleration v̇ = M⁻¹ (Q − C v − G) under the generalized force Q = `force`.
-    fn forward_dynamics(&self, q: &[f64], v: &[f64], force: &[f64]) -> Result<DVector<f64>, Error> {
-        self.check(&[("q", q), ("v", v), ("force", force)])?;
-        let mut out = DVector::from_column_slice(force);
-        self.forward_dynamics_into(q, v, &self.nominal(), &mut self.workspace(), &mut out)?;
-        Ok(out)
-    }
-
-    /// Refuses vectors of the wrong length or with NaN or infinity in them.
-    fn check(&self, vectors: &[(&'static str, &[f64])]) -> Result<(), Error> {
-        for &(what, vector) in vectors {
-            let expected = if what == "q" { self.nq() } else { self.nv() };
-            if vector.len() != expected {
-                return Err(Error::Dimension {
-                    what,
-                    found: vector.len(),
-                    expected,
-                });
-            }
-            if let Some(index) = vector.iter().position(|x| !x.is_finite()) {
-                return Err(Error::NotFinite {
-                    what,
-                    index,
-                    value: vector[index],
-                });
-            }
-        }
-        Ok(())
-    }
-}
 
 /// [`Mechanics`] of a [`Lagrangian`].
 ///
@@ -262,62 +29,96 @@ pub trait Mechanics: Send + Sync {
 pub struct Dynamics<L> {
     lagrangian: L,
     coordinates: Vec<Coordinate>,
-    /// Whether T = ½ vᵀ M(q) v, so that the fast route holds.
+    /// Whether T = ½ vᵀ M(q) v, so that the fast routes hold.
     quadratic: bool,
-    /// The equations as programs, for a small mechanism whose energies do not branch.
-    compiled: Option<Compiled>,
+    route: Route,
+}
+
+/// Where the equations come from.
+#[derive(Debug, Clone)]
+enum Route {
+    /// Dual numbers through T and V.
+    Duals,
+    /// Programs from a trace of T and V, for a small mechanism whose energies do not branch.
+    Programs(Box<Compiled>),
+    /// Joint by joint, for a tree of rigid bodies.
+    Tree(Box<Engine>),
 }
 
 impl<L: Lagrangian> Dynamics<L> {
     /// The equations of a mechanism whose coordinates have names and units; as many as its degrees of freedom, else an error.
     pub fn new(lagrangian: L, coordinates: Vec<Coordinate>) -> Result<Self, Error> {
-        if coordinates.len() != lagrangian.dof() {
+        let found = coordinates.iter().map(Coordinate::nv).sum();
+        if found != lagrangian.dof() {
             return Err(Error::Dimension {
                 what: "coordinates",
-                found: coordinates.len(),
+                found,
                 expected: lagrangian.dof(),
             });
         }
         Ok(Self::build(lagrangian, coordinates))
     }
 
-    /// The equations of a mechanism whose coordinates are called q0, q1, … and are displacements in m.
+    /// The equations of a mechanism whose coordinates are called q0, q1, … and are displacements in m. (A tree of rigid bodies
+    /// has [`coordinates`](crate::mechanism::Tree::coordinates) of its own: use [`new`](Self::new).)
     pub fn of(lagrangian: L) -> Self {
-        let coordinates = (0..lagrangian.dof())
-            .map(|i| Coordinate {
-                name: format!("q{i}"),
-                joint: format!("q{i}"),
-                angular: false,
-                wraps: false,
-                floating: false,
-            })
-            .collect();
+        let coordinates = match lagrangian.rigid_bodies() {
+            Some(tree) => tree.coordinates().to_vec(),
+            None => (0..lagrangian.dof())
+                .map(|i| Coordinate {
+                    name: format!("q{i}"),
+                    joint: format!("q{i}"),
+                    angular: false,
+                    wraps: false,
+                    floating: false,
+                })
+                .collect(),
+        };
         Self::build(lagrangian, coordinates)
     }
 
     fn build(lagrangian: L, coordinates: Vec<Coordinate>) -> Self {
-        let quadratic = is_quadratic(&lagrangian);
-        let compiled = quadratic.then(|| Compiled::of(&lagrangian)).flatten();
+        let tree = lagrangian.rigid_bodies();
+        let quadratic = tree.is_some() || is_quadratic(&lagrangian);
+        let route = match tree {
+            Some(tree) => Route::Tree(Box::new(Engine::of(tree))),
+            None => Self::programs(&lagrangian, quadratic),
+        };
         Dynamics {
             lagrangian,
             coordinates,
             quadratic,
-            compiled,
+            route,
         }
     }
 
-    /// The same equations by dual numbers alone, without the compiled programs that small mechanisms have: the other route to the
-    /// same numbers.
+    fn programs(lagrangian: &L, quadratic: bool) -> Route {
+        let compiled = quadratic.then(|| Compiled::of(lagrangian)).flatten();
+        compiled.map_or(Route::Duals, |compiled| Route::Programs(Box::new(compiled)))
+    }
+
+    /// The same equations by dual numbers through T and V alone: the other route to the same numbers. Not for trees with floating
+    /// joints, whose velocities are no rates of coordinates; they are returned as they are.
+    #[must_use]
     pub fn by_duals(self) -> Self {
-        Dynamics {
-            compiled: None,
-            ..self
+        let floating = self.coordinates.iter().any(|c| c.floating);
+        let route = if floating { self.route } else { Route::Duals };
+        Dynamics { route, ..self }
+    }
+
+    /// The same equations by programs from a trace of T and V, where they can be had; else as they are.
+    #[must_use]
+    pub fn by_programs(self) -> Self {
+        let floating = self.coordinates.iter().any(|c| c.floating);
+        match Self::programs(&self.lagrangian, self.quadratic && !floating) {
+            Route::Duals => self,
+            route => Dynamics { route, ..self },
         }
     }
 
-    /// Whether forward dynamics and the derivatives run as compiled programs.
+    /// Whether the equations run as compiled programs.
     pub fn is_compiled(&self) -> bool {
-        self.compiled.is_some()
+        matches!(self.route, Route::Programs(_))
     }
 
     /// The mechanism.
@@ -380,7 +181,9 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
     }
 
     fn mass_matrix_into(&self, q: &[f64], p: &[f64], work: &mut Workspace, out: &mut DMatrix<f64>) {
-        if self.quadratic {
+        if let Some((engine, machine)) = self.engine(work) {
+            engine.mass_matrix(At { q, v: &[], p }, machine, out);
+        } else if self.quadratic {
             fast::mass_matrix(&self.lagrangian, q, p, work, out);
         } else {
             let rest = vec![0.0; q.len()];
@@ -397,7 +200,10 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut DMatrix<f64>,
     ) {
-        coriolis::coriolis_matrix(&self.lagrangian, q, v, p, work, out);
+        match self.engine(work) {
+            Some((engine, machine)) => engine.coriolis_matrix(At { q, v, p }, machine, out),
+            None => coriolis::coriolis_matrix(&self.lagrangian, q, v, p, work, out),
+        }
     }
 
     fn gravity_force_into(
@@ -407,7 +213,10 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut DVector<f64>,
     ) {
-        fast::gravity_force(&self.lagrangian, q, p, work, out);
+        match self.engine(work) {
+            Some((engine, machine)) => engine.gravity_force(At { q, v: &[], p }, machine, out),
+            None => fast::gravity_force(&self.lagrangian, q, p, work, out),
+        }
     }
 
     fn bias_force_into(
@@ -418,7 +227,31 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut DVector<f64>,
     ) {
-        fast::bias_force(&self.lagrangian, q, v, p, work, out);
+        match self.engine(work) {
+            Some((engine, machine)) => {
+                engine.inverse_dynamics(At { q, v, p }, None, machine, out.as_mut_slice());
+            }
+            None => fast::bias_force(&self.lagrangian, q, v, p, work, out),
+        }
+    }
+
+    fn equations_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        p: &[f64],
+        work: &mut Workspace,
+        mass: &mut DMatrix<f64>,
+        coriolis: &mut DMatrix<f64>,
+        gravity: &mut DVector<f64>,
+    ) {
+        if let Some((engine, machine)) = self.engine(work) {
+            engine.equations(At { q, v, p }, machine, mass, coriolis, gravity);
+        } else {
+            self.mass_matrix_into(q, p, work, mass);
+            self.coriolis_matrix_into(q, v, p, work, coriolis);
+            self.gravity_force_into(q, p, work, gravity);
+        }
     }
 
     fn inverse_dynamics_into(
@@ -430,7 +263,12 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut DVector<f64>,
     ) {
-        fast::inverse_dynamics(&self.lagrangian, (q, v, Some(a)), p, work, out);
+        match self.engine(work) {
+            Some((engine, machine)) => {
+                engine.inverse_dynamics(At { q, v, p }, Some(a), machine, out.as_mut_slice());
+            }
+            None => fast::inverse_dynamics(&self.lagrangian, (q, v, Some(a)), p, work, out),
+        }
     }
 
     fn forward_dynamics_into(
@@ -441,28 +279,12 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut DVector<f64>,
     ) -> Result<(), Error> {
-        let mut mass = std::mem::take(&mut work.mass);
-        let mut bias = std::mem::take(&mut work.force);
-        if let Some(compiled) = &self.compiled {
-            compiled.equations(q, v, p, &mut work.registers, &mut mass, &mut bias);
-        } else {
-            if self.quadratic {
-                fast::mass_matrix(&self.lagrangian, q, p, work, &mut mass);
-            } else {
-                let at = reference::equations_with(&self.lagrangian, q, v, p);
-                mass.copy_from(&at.mass_matrix);
-            }
-            fast::bias_force(&self.lagrangian, q, v, p, work, &mut bias);
-        }
-        *out -= &bias;
-        work.force = bias;
-        let solved = match Cholesky::new(mass) {
-            Some(factor) => {
-                factor.solve_mut(out);
-                work.mass = factor.unpack_dirty();
+        let solved = match self.joint_by_joint(work) {
+            Some((engine, machine)) => {
+                engine.forward_dynamics(At { q, v, p }, machine, out.as_mut_slice());
                 out.iter().all(|a| a.is_finite())
             }
-            None => false,
+            None => self.forward_dynamics_by_factor(q, v, p, work, out),
         };
         if solved {
             return Ok(());
@@ -480,33 +302,189 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut InverseDynamicsDerivatives,
     ) {
-        match &self.compiled {
-            Some(compiled) => {
-                compiled.derivatives((q, v, a), p, constants, &mut work.registers, out);
+        match &self.route {
+            Route::Programs(programs) => {
+                programs.derivatives((q, v, a), p, constants, &mut work.registers, out);
             }
-            None => {
-                inverse_dynamics_derivatives(&self.lagrangian, (q, v, a), p, constants, work, out);
+            _ => match self.engine(work) {
+                Some((engine, machine)) => {
+                    engine.inverse_derivatives(At { q, v, p }, a, constants, machine, out);
+                }
+                None => {
+                    let at = (q, v, a);
+                    inverse_dynamics_derivatives(&self.lagrangian, at, p, constants, work, out);
+                }
+            },
+        }
+    }
+
+    fn forward_dynamics_derivatives_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        force: &[f64],
+        p: &[f64],
+        constants: &[usize],
+        work: &mut Workspace,
+        out: &mut ForwardDynamicsDerivatives,
+    ) -> Result<(), Error> {
+        out.acceleration.copy_from_slice(force);
+        if let Some((engine, machine)) = self.joint_by_joint(work) {
+            engine.forward_derivatives(At { q, v, p }, constants, machine, out);
+            if out.acceleration.iter().all(|a| a.is_finite()) {
+                return Ok(());
             }
+            return Err(self.no_acceleration(q, v, p, work));
+        }
+        if !self.forward_dynamics_by_factor(q, v, p, work, &mut out.acceleration) {
+            return Err(self.no_acceleration(q, v, p, work));
+        }
+        // The same matrices take the derivatives of the inverse dynamics, and then M⁻¹ of them.
+        let mut inverse = InverseDynamicsDerivatives {
+            by_q: std::mem::take(&mut out.by_q),
+            by_v: std::mem::take(&mut out.by_v),
+            by_p: std::mem::take(&mut out.by_p),
+        };
+        let a = out.acceleration.as_slice();
+        self.inverse_dynamics_derivatives_into(q, v, a, p, constants, work, &mut inverse);
+        let InverseDynamicsDerivatives { by_q, by_v, by_p } = inverse;
+        (out.by_q, out.by_v, out.by_p) = (by_q, by_v, by_p);
+        for by in [&mut out.by_q, &mut out.by_v, &mut out.by_p] {
+            by.neg_mut();
+            work.solve_mass(by);
+        }
+        out.by_force.fill_with_identity();
+        work.solve_mass(&mut out.by_force);
+        Ok(())
+    }
+
+    fn inverse_dynamics_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        a: &[[f64; LANES]],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut [[f64; LANES]],
+    ) {
+        match self.engine(work) {
+            Some((engine, machine)) => {
+                engine.inverse_dynamics_lanes(At { q, v, p }, a, machine, out);
+            }
+            None => one_by_one::inverse_dynamics(self, (q, v, a), p, work, out),
+        }
+    }
+
+    fn forward_dynamics_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut [[f64; LANES]],
+    ) -> Result<(), Error> {
+        let Some((engine, machine)) = self.joint_by_joint(work) else {
+            return one_by_one::forward_dynamics(self, (q, v), p, work, out);
+        };
+        engine.forward_dynamics_lanes(At { q, v, p }, machine, out);
+        match (0..LANES).find(|&k| out.iter().any(|a| !a[k].is_finite())) {
+            None => Ok(()),
+            Some(lane) => {
+                let of = |x: &[[f64; LANES]]| -> Vec<f64> { x.iter().map(|x| x[lane]).collect() };
+                Err(self.no_acceleration(&of(q), &of(v), p, work))
+            }
+        }
+    }
+
+    fn mass_matrix_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut [[f64; LANES]],
+    ) {
+        match self.engine(work) {
+            Some((engine, machine)) => {
+                engine.mass_matrix_lanes(At { q, v: &[], p }, machine, out);
+            }
+            None => one_by_one::mass_matrix(self, q, p, work, out),
         }
     }
 }
 
 impl<L: Lagrangian> Dynamics<L> {
+    /// The algorithms for trees and their memory, where this is the route.
+    #[inline]
+    fn engine<'a>(&'a self, work: &'a mut Workspace) -> Option<(&'a Engine, &'a mut Machine)> {
+        match (&self.route, &mut work.machine) {
+            (Route::Tree(engine), Some(machine)) => Some((engine, machine)),
+            _ => None,
+        }
+    }
+
+    /// The same, where no joint follows another.
+    #[inline]
+    fn joint_by_joint<'a>(
+        &'a self,
+        work: &'a mut Workspace,
+    ) -> Option<(&'a Engine, &'a mut Machine)> {
+        self.engine(work)
+            .filter(|(engine, _)| engine.is_independent())
+    }
+
+    /// v̇ in place of Q by Cholesky's factor of M, which is left in `work`; whether there is one.
+    fn forward_dynamics_by_factor(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut DVector<f64>,
+    ) -> bool {
+        let mut mass = std::mem::take(&mut work.mass);
+        let mut bias = std::mem::take(&mut work.force);
+        match &self.route {
+            Route::Programs(programs) => {
+                programs.equations(q, v, p, &mut work.registers, &mut mass, &mut bias);
+            }
+            _ if self.quadratic => {
+                self.mass_matrix_into(q, p, work, &mut mass);
+                self.bias_force_into(q, v, p, work, &mut bias);
+            }
+            _ => {
+                let at = reference::equations_with(&self.lagrangian, q, v, p);
+                mass.copy_from(&at.mass_matrix);
+                bias.copy_from(&at.bias_force);
+            }
+        }
+        *out -= &bias;
+        work.force = bias;
+        match Cholesky::new(mass) {
+            Some(factor) => {
+                factor.solve_mut(out);
+                work.mass = factor.unpack_dirty();
+                out.iter().all(|a| a.is_finite())
+            }
+            None => false,
+        }
+    }
+
     fn fresh_workspace(&self) -> Workspace {
-        let registers = match &self.compiled {
-            Some(compiled) => compiled.registers(),
-            None => Registers::default(),
+        let registers = match &self.route {
+            Route::Programs(programs) => programs.registers(),
+            _ => Registers::default(),
         };
-        Workspace::new(
-            self.lagrangian.dof(),
-            self.lagrangian.parameters().len(),
-            registers,
-        )
+        let machine = match &self.route {
+            Route::Tree(engine) => Some(engine.machine()),
+            _ => None,
+        };
+        let np = self.lagrangian.parameters().len();
+        Workspace::new((self.nq(), self.nv(), np), registers, machine)
     }
 
     /// Why the forward dynamics has no solution: the cold path behind a failed factorisation. Restores the workspace.
     fn no_acceleration(&self, q: &[f64], v: &[f64], p: &[f64], work: &mut Workspace) -> Error {
-        let n = q.len();
+        let n = self.nv();
         *work = self.fresh_workspace();
         for (what, vector) in [("q", q), ("v", v), ("p", p)] {
             if let Some(index) = vector.iter().position(|x| !x.is_finite()) {
@@ -517,7 +495,12 @@ impl<L: Lagrangian> Dynamics<L> {
                 };
             }
         }
-        let mass = reference::equations_with(&self.lagrangian, q, v, p).mass_matrix;
+        let mut mass = DMatrix::zeros(n, n);
+        if self.quadratic {
+            self.mass_matrix_into(q, p, work, &mut mass);
+        } else {
+            mass = reference::equations_with(&self.lagrangian, q, v, p).mass_matrix;
+        }
         // The smallest leading block without a Cholesky factor names the coordinate.
         let pivot = (0..n)
             .find(|&k| Cholesky::new(mass.view((0, 0), (k + 1, k + 1)).into_owned()).is_none())

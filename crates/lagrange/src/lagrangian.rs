@@ -1,6 +1,7 @@
 //! What a mechanism is to this crate: its energies.
 
 use crate::Scalar;
+use crate::mechanism::Tree;
 
 /// A mechanism, given by its energies T(q, v) and V(q).
 ///
@@ -35,6 +36,12 @@ pub trait Lagrangian: Send + Sync {
     /// The physical constants that a fit may move; none unless the mechanism says so.
     fn parameters(&self) -> &[Parameter] {
         &[]
+    }
+
+    /// The mechanism as a tree of rigid bodies, where it is one: its equations are then found joint by joint instead of from T and V
+    /// as a whole.
+    fn rigid_bodies(&self) -> Option<&Tree> {
+        None
     }
 
     /// T with the constants `p` in place of the nominal ones; `p` is as long as [`parameters`](Self::parameters).

@@ -78,6 +78,19 @@ pub trait Scalar:
     /// Real, constant power.
     fn powf(self, n: f64) -> Self;
 
+    /// `self` · `factor` + `term`; one instruction with one rounding on types that have it.
+    #[inline(always)]
+    fn times_plus(self, factor: Self, term: Self) -> Self {
+        self * factor + term
+    }
+    /// Sines and cosines of many angles.
+    #[inline(always)]
+    fn sin_cos_of(angles: &[Self], sines: &mut [Self], cosines: &mut [Self]) {
+        for ((&angle, sin), cos) in angles.iter().zip(sines).zip(cosines) {
+            (*sin, *cos) = angle.sin_cos();
+        }
+    }
+
     /// Zero.
     fn zero() -> Self {
         Self::constant(0.0)

@@ -9,7 +9,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use lagrange::{InverseDynamicsDerivatives, Mechanics, Role, Workspace};
+use lagrange::{ForwardDynamicsDerivatives, Mechanics, Role, Workspace};
 use nalgebra::{DMatrix, DVector};
 
 use crate::effect::{Action, Grid, JointForce, Kind, Signal, default_smoothing};
@@ -357,8 +357,9 @@ impl Hybrid {
         Memory {
             work: self.mechanics.workspace(),
             acceleration: DVector::zeros(n),
-            inverse: InverseDynamicsDerivatives::zeros(n, mechanics.len()),
+            by: ForwardDynamicsDerivatives::zeros(n, mechanics.len()),
             mechanics,
+            forces: DMatrix::zeros(n, 2 * n + free.len()),
             linear: DMatrix::zeros(n, 2 * n + free.len()),
             by_parameter: vec![0.0; 8],
         }
@@ -373,6 +374,21 @@ impl Hybrid {
         step: usize,
         memory: &mut Memory,
     ) -> Result<(), lagrange::Error> {
+        self.load((q, v), theta, inputs, step, memory);
+        let p = &theta[self.mechanics_range()];
+        self.mechanics
+            .forward_dynamics_into(q, v, p, &mut memory.work, &mut memory.acceleration)
+    }
+
+    /// Q of inputs and effects, into `memory.acceleration`.
+    fn load(
+        &self,
+        (q, v): (&[f64], &[f64]),
+        theta: &[f64],
+        inputs: &DrivenInputs,
+        step: usize,
+        memory: &mut Memory,
+    ) {
         memory.acceleration.fill(0.0);
         for (signal, &coordinate) in inputs.forces.iter().zip(&self.input_coordinates) {
             memory.acceleration[coordinate] += signal.value[step];
@@ -385,14 +401,11 @@ impl Hybrid {
                 effect.smoothing * self.smoothing_scale,
             );
         }
-        let p = &theta[self.mechanics_range()];
-        self.mechanics
-            .forward_dynamics_into(q, v, p, &mut memory.work, &mut memory.acceleration)
     }
 
     /// v̇ as [`acceleration`](Self::acceleration), and in `memory.linear` its derivatives [∂v̇/∂q, ∂v̇/∂v, ∂v̇/∂θ_free]:
     ///
-    /// ∂v̇/∂x = M⁻¹ (∂Q/∂x − ∂(M v̇ + C v + G)/∂x at fixed v̇).
+    /// ∂v̇/∂x = ∂v̇/∂Q ∂Q/∂x + ∂v̇/∂x at fixed Q.
     pub fn linearize(
         &self,
         (q, v): (&[f64], &[f64]),
@@ -402,35 +415,24 @@ impl Hybrid {
         step: usize,
         memory: &mut Memory,
     ) -> Result<(), lagrange::Error> {
-        self.acceleration((q, v), theta, inputs, step, memory)?;
+        self.load((q, v), theta, inputs, step, memory);
         let n = self.nv();
         let p = &theta[self.mechanics_range()];
-        // The factor of M stays in the workspace: the derivatives do not touch it.
-        self.mechanics.inverse_dynamics_derivatives_into(
+        let by = &mut memory.by;
+        self.mechanics.forward_dynamics_derivatives_into(
             q,
             v,
             memory.acceleration.as_slice(),
             p,
             &memory.mechanics,
             &mut memory.work,
-            &mut memory.inverse,
-        );
-        let rhs = &mut memory.linear;
+            by,
+        )?;
+        memory.acceleration.copy_from(&by.acceleration);
+        // First ∂Q/∂x of what makes Q.
+        let rhs = &mut memory.forces;
         rhs.fill(0.0);
-        for j in 0..n {
-            for i in 0..n {
-                rhs[(i, j)] = -memory.inverse.by_q[(i, j)];
-                rhs[(i, n + j)] = -memory.inverse.by_v[(i, j)];
-            }
-        }
         let column = |index: usize| free.binary_search(&index).ok().map(|k| 2 * n + k);
-        for (k, &index) in memory.mechanics.iter().enumerate() {
-            if let Some(column) = column(index) {
-                for i in 0..n {
-                    rhs[(i, column)] = -memory.inverse.by_p[(i, k)];
-                }
-            }
-        }
         for (signal, &coordinate) in inputs.forces.iter().zip(&self.input_coordinates) {
             for (index, derivative) in &signal.by_parameter {
                 if let Some(column) = column(*index) {
@@ -455,7 +457,19 @@ impl Hybrid {
                 }
             }
         }
-        memory.work.solve_mass(rhs);
+        // ∂v̇/∂x = ∂v̇/∂Q ∂Q/∂x, and what the mechanics adds.
+        let linear = &mut memory.linear;
+        by.by_force.mul_to(rhs, linear);
+        for (first, block) in [(0, &by.by_q), (n, &by.by_v)] {
+            let mut columns = linear.columns_mut(first, n);
+            columns += block;
+        }
+        for (k, &index) in memory.mechanics.iter().enumerate() {
+            if let Some(column) = column(index) {
+                let mut to = linear.column_mut(column);
+                to += by.by_p.column(k);
+            }
+        }
         Ok(())
     }
 
@@ -476,7 +490,9 @@ pub struct Memory {
     work: Workspace,
     /// v̇ of the last call.
     pub acceleration: DVector<f64>,
-    inverse: InverseDynamicsDerivatives,
+    by: ForwardDynamicsDerivatives,
+    /// ∂Q/∂(q, v, θ_free) of inputs and effects.
+    forces: DMatrix<f64>,
     /// The free constants of the mechanics.
     mechanics: Vec<usize>,
     /// [∂v̇/∂q, ∂v̇/∂v, ∂v̇/∂θ_free] of the last [`Hybrid::linearize`].

@@ -10,6 +10,7 @@
 pub(crate) mod coriolis;
 pub(crate) mod derivatives;
 pub(crate) mod fast;
+pub(crate) mod one_by_one;
 pub mod reference;
 mod workspace;
 

@@ -3,9 +3,10 @@
 use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual64, HyperDual64, HyperHyperDual64};
 
-use crate::Scalar;
 use crate::constraint::Room;
 use crate::trace::Registers;
+use crate::tree::Machine;
+use crate::{LANES, Scalar};
 
 /// Scratch memory of one mechanism for one thread. Make it with [`Mechanics::workspace`](crate::Mechanics::workspace).
 #[derive(Debug, Clone)]
@@ -24,6 +25,42 @@ pub struct Workspace {
     pub(crate) registers: Registers,
     /// Of the constraints, where there are some.
     pub(crate) constraint: Room,
+    /// Of the algorithms for trees, where the mechanism is one.
+    pub(crate) machine: Option<Machine>,
+    /// One of many states.
+    pub(crate) lane: Lane,
+    pub(crate) lane_matrix: DMatrix<f64>,
+}
+
+/// One state of several that are evaluated in a row, and what comes out.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Lane {
+    pub q: Vec<f64>,
+    pub v: Vec<f64>,
+    pub a: Vec<f64>,
+    pub out: DVector<f64>,
+}
+
+impl Lane {
+    pub fn load(
+        &mut self,
+        lane: usize,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        a: &[[f64; LANES]],
+    ) {
+        for (to, from) in [(&mut self.q, q), (&mut self.v, v), (&mut self.a, a)] {
+            for (to, from) in to.iter_mut().zip(from) {
+                *to = from[lane];
+            }
+        }
+    }
+
+    pub fn store(&self, lane: usize, out: &mut [[f64; LANES]]) {
+        for (to, from) in out.iter_mut().zip(&self.out) {
+            to[lane] = *from;
+        }
+    }
 }
 
 /// The arguments of the energies on one number type.
@@ -55,7 +92,11 @@ impl<D: Scalar> Lifted<D> {
 }
 
 impl Workspace {
-    pub(crate) fn new(nv: usize, np: usize, registers: Registers) -> Self {
+    pub(crate) fn new(
+        (nq, nv, np): (usize, usize, usize),
+        registers: Registers,
+        machine: Option<Machine>,
+    ) -> Self {
         Workspace {
             real: Lifted::new(nv, np),
             dual: Lifted::new(nv, np),
@@ -67,13 +108,20 @@ impl Workspace {
             mass_by_q: vec![DMatrix::zeros(nv, nv); nv],
             registers,
             constraint: Room::default(),
+            machine,
+            lane: Lane {
+                q: vec![0.0; nq],
+                v: vec![0.0; nv],
+                a: vec![0.0; nv],
+                out: DVector::zeros(nv),
+            },
+            lane_matrix: DMatrix::zeros(nv, nv),
         }
     }
 
-    /// Solves M x = `rhs` in place, column by column, with the M of the last successful
-    /// [`forward_dynamics_into`](crate::Mechanics::forward_dynamics_into).
-    pub fn solve_mass(&self, rhs: &mut DMatrix<f64>) {
-        // The factor L of M = L Lᵀ; its diagonal is positive, so both solves succeed.
+    /// Solves M x = `rhs` in place, column by column, with the factor L of M = L Lᵀ in `mass`.
+    pub(crate) fn solve_mass(&self, rhs: &mut DMatrix<f64>) {
+        // The diagonal is positive, so both solves succeed.
         self.mass.solve_lower_triangular_mut(rhs);
         self.mass.tr_solve_lower_triangular_mut(rhs);
     }

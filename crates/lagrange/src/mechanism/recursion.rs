@@ -13,7 +13,7 @@ use crate::{Lagrangian, Parameter, Scalar};
 
 /// What the recursions need of a body; its frame has z along the joint's axis.
 #[derive(Debug, Clone)]
-pub(super) struct Node {
+pub(crate) struct Node {
     pub parent: Option<usize>,
     /// Columns: the axes of this frame at joint position 0, in the parent body's frame.
     pub rotation: Rotation,
@@ -37,7 +37,7 @@ pub(super) struct Node {
 }
 
 /// A constant rotation, as rows of its transpose; none for the identity.
-pub(super) type Rotation = Option<[[f64; 3]; 3]>;
+pub(crate) type Rotation = Option<[[f64; 3]; 3]>;
 
 impl Tree {
     /// T of all bodies, each weighed by `weight`.
@@ -138,6 +138,9 @@ impl Lagrangian for Tree {
     }
     fn parameters(&self) -> &[Parameter] {
         &self.parameters
+    }
+    fn rigid_bodies(&self) -> Option<&Tree> {
+        Some(self)
     }
     fn kinetic_with<D: Scalar>(&self, q: &[D], v: &[D], p: &[D]) -> D {
         self.kinetic_sum(q, v, &|node, energy| node.scaled(energy, p))

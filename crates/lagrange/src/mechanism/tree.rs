@@ -48,9 +48,9 @@ pub struct Tree {
     bodies: Vec<Body>,
     joints: Vec<Joint>,
     links: Vec<Link>,
-    pub(super) parameters: Vec<Parameter>,
+    pub(crate) parameters: Vec<Parameter>,
     pub(super) gravity: [f64; 3],
-    pub(super) nodes: Vec<Node>,
+    pub(crate) nodes: Vec<Node>,
     /// Children of all nodes, one stretch after the other; those of the world first.
     pub(super) children: Vec<usize>,
     pub(super) base_children: Range<usize>,

@@ -1,0 +1,297 @@
+//! Numbers for the hardware: one, or eight at once.
+//!
+//! `FUSED` says that a·b + c is one instruction; such numbers belong into code that [`crate::tree::dispatch`] has compiled for a
+//! processor that has it. Without it the type is right everywhere, and slower.
+
+use std::array::from_fn;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+use crate::Scalar;
+
+/// How many states are evaluated at once.
+pub const LANES: usize = 8;
+
+/// One number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(transparent)]
+pub struct Single<const FUSED: bool>(pub f64);
+
+/// Eight numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C, align(64))]
+pub struct Lanes<const FUSED: bool>(pub [f64; LANES]);
+
+/// x · y + z.
+#[inline(always)]
+fn fuse<const FUSED: bool>(x: f64, y: f64, z: f64) -> f64 {
+    if FUSED { x.mul_add(y, z) } else { x * y + z }
+}
+
+macro_rules! operator {
+    ($trait:ident, $method:ident, $symbol:tt) => {
+        impl<const F: bool> $trait for Single<F> {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                Single(self.0 $symbol other.0)
+            }
+        }
+        impl<const F: bool> $trait<f64> for Single<F> {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: f64) -> Self {
+                Single(self.0 $symbol other)
+            }
+        }
+        impl<const F: bool> $trait for Lanes<F> {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                Lanes(from_fn(|i| self.0[i] $symbol other.0[i]))
+            }
+        }
+        impl<const F: bool> $trait<f64> for Lanes<F> {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: f64) -> Self {
+                Lanes(from_fn(|i| self.0[i] $symbol other))
+            }
+        }
+    };
+}
+
+operator!(Add, add, +);
+operator!(Sub, sub, -);
+operator!(Mul, mul, *);
+operator!(Div, div, /);
+
+impl<const F: bool> Neg for Single<F> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Single(-self.0)
+    }
+}
+
+impl<const F: bool> Neg for Lanes<F> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Lanes(self.0.map(|x| -x))
+    }
+}
+
+macro_rules! functions {
+    ($($method:ident),*) => {
+        $(
+            #[inline(always)]
+            fn $method(self) -> Self {
+                self.each(f64::$method)
+            }
+        )*
+    };
+}
+
+impl<const F: bool> Single<F> {
+    #[inline(always)]
+    fn each(self, f: impl Fn(f64) -> f64) -> Self {
+        Single(f(self.0))
+    }
+}
+
+impl<const F: bool> Lanes<F> {
+    #[inline(always)]
+    fn each(self, f: impl Fn(f64) -> f64) -> Self {
+        Lanes(self.0.map(f))
+    }
+}
+
+impl<const F: bool> Scalar for Single<F> {
+    #[inline(always)]
+    fn constant(x: f64) -> Self {
+        Single(x)
+    }
+    #[inline(always)]
+    fn re(self) -> f64 {
+        self.0
+    }
+    functions!(
+        sin, cos, tan, asin, acos, atan, sinh, cosh, tanh, exp, ln, sqrt, abs
+    );
+    fn atan2(self, x: Self) -> Self {
+        Single(self.0.atan2(x.0))
+    }
+    fn powi(self, n: i32) -> Self {
+        Single(self.0.powi(n))
+    }
+    fn powf(self, n: f64) -> Self {
+        Single(self.0.powf(n))
+    }
+    #[inline(always)]
+    fn times_plus(self, factor: Self, term: Self) -> Self {
+        Single(fuse::<F>(self.0, factor.0, term.0))
+    }
+    #[inline(always)]
+    fn sin_cos_of(angles: &[Self], sines: &mut [Self], cosines: &mut [Self]) {
+        let outputs = sines.chunks_mut(LANES).zip(cosines.chunks_mut(LANES));
+        for (angles, (sines, cosines)) in angles.chunks(LANES).zip(outputs) {
+            let mut block = [0.0; LANES];
+            for (x, angle) in block.iter_mut().zip(angles) {
+                *x = angle.0;
+            }
+            let (sin, cos) = Lanes::<F>(block).sin_cos();
+            for (to, from) in sines.iter_mut().zip(sin.0) {
+                to.0 = from;
+            }
+            for (to, from) in cosines.iter_mut().zip(cos.0) {
+                to.0 = from;
+            }
+        }
+    }
+}
+
+impl<const F: bool> Scalar for Lanes<F> {
+    #[inline(always)]
+    fn constant(x: f64) -> Self {
+        Lanes([x; LANES])
+    }
+    /// The first lane's. Code that asks must not be run on lanes.
+    fn re(self) -> f64 {
+        self.0[0]
+    }
+    functions!(
+        sin, cos, tan, asin, acos, atan, sinh, cosh, tanh, exp, ln, sqrt, abs
+    );
+    #[inline(always)]
+    fn sin_cos(self) -> (Self, Self) {
+        // The reduction is exact enough below 1e5 and needs the fused product; NaN takes the other way, too.
+        if F && self.0.iter().fold(true, |small, x| small & (x.abs() < 1e5)) {
+            let (sin, cos) = sin_cos::<F>(&self.0);
+            (Lanes(sin), Lanes(cos))
+        } else {
+            (self.each(f64::sin), self.each(f64::cos))
+        }
+    }
+    fn atan2(self, x: Self) -> Self {
+        Lanes(from_fn(|i| self.0[i].atan2(x.0[i])))
+    }
+    fn powi(self, n: i32) -> Self {
+        self.each(|x| x.powi(n))
+    }
+    fn powf(self, n: f64) -> Self {
+        self.each(|x| x.powf(n))
+    }
+    #[inline(always)]
+    fn times_plus(self, factor: Self, term: Self) -> Self {
+        Lanes(from_fn(|i| fuse::<F>(self.0[i], factor.0[i], term.0[i])))
+    }
+}
+
+/// π/2 as a sum of three numbers.
+const HALF_PI: [f64; 3] = [
+    std::f64::consts::FRAC_PI_2,
+    6.123_233_995_736_766e-17,
+    -1.497_384_904_859_169_8e-33,
+];
+/// Minimax coefficients of (sin r − r)/r³ in r², on |r| ≤ π/4 (those of FDLIBM).
+const SINE: [f64; 6] = [
+    -1.666_666_666_666_663_2e-1,
+    8.333_333_333_322_489e-3,
+    -1.984_126_982_985_795e-4,
+    2.755_731_370_707_006_8e-6,
+    -2.505_076_025_340_686_3e-8,
+    1.589_690_995_211_550_1e-10,
+];
+/// Minimax coefficients of (cos r − 1 + r²/2)/r⁴ in r², on |r| ≤ π/4 (those of FDLIBM).
+const COSINE: [f64; 6] = [
+    4.166_666_666_666_66e-2,
+    -1.388_888_888_887_411e-3,
+    2.480_158_728_947_673e-5,
+    -2.755_731_435_139_066_3e-7,
+    2.087_572_321_298_175e-9,
+    -1.135_964_755_778_819_5e-11,
+];
+
+/// Sines and cosines of |x| < 1e5, to 1.5 units in the last place.
+///
+/// x = k π/2 + r with |r| ≤ π/4 (Cody and Waite, with fused products), then polynomials in r², chosen and signed by k mod 4.
+#[inline(always)]
+fn sin_cos<const F: bool>(x: &[f64; LANES]) -> ([f64; LANES], [f64; LANES]) {
+    /// Adding this to |y| < 2⁵¹ leaves y, rounded, in the last bits.
+    const ROUND: f64 = 6_755_399_441_055_744.0;
+    let shifted: [f64; LANES] = from_fn(|i| fuse::<F>(x[i], std::f64::consts::FRAC_2_PI, ROUND));
+    let k: [f64; LANES] = from_fn(|i| shifted[i] - ROUND);
+    let r: [f64; LANES] = from_fn(|i| fuse::<F>(-k[i], HALF_PI[0], x[i]));
+    let r: [f64; LANES] = from_fn(|i| fuse::<F>(-k[i], HALF_PI[1], r[i]));
+    let r: [f64; LANES] = from_fn(|i| fuse::<F>(-k[i], HALF_PI[2], r[i]));
+    let z: [f64; LANES] = from_fn(|i| r[i] * r[i]);
+    let polynomial = |c: &[f64; 6]| -> [f64; LANES] {
+        from_fn(|i| {
+            let high = fuse::<F>(z[i], fuse::<F>(z[i], c[5], c[4]), c[3]);
+            fuse::<F>(
+                z[i],
+                fuse::<F>(z[i], fuse::<F>(z[i], high, c[2]), c[1]),
+                c[0],
+            )
+        })
+    };
+    let (p, c) = (polynomial(&SINE), polynomial(&COSINE));
+    let sine: [f64; LANES] = from_fn(|i| fuse::<F>(r[i] * z[i], p[i], r[i]));
+    let cosine: [f64; LANES] = from_fn(|i| {
+        let half = 0.5 * z[i];
+        let w = 1.0 - half;
+        w + fuse::<F>(z[i] * z[i], c[i], (1.0 - w) - half)
+    });
+    let quadrant = |i: usize| shifted[i].to_bits();
+    let flip = |x: f64, by: u64| f64::from_bits(x.to_bits() ^ (by << 63));
+    let sin = from_fn(|i| {
+        let odd = quadrant(i) & 1 == 1;
+        flip(if odd { cosine[i] } else { sine[i] }, quadrant(i) >> 1 & 1)
+    });
+    let cos = from_fn(|i| {
+        let odd = quadrant(i) & 1 == 1;
+        let negative = (quadrant(i) + 1) >> 1 & 1;
+        flip(if odd { sine[i] } else { cosine[i] }, negative)
+    });
+    (sin, cos)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lanes_of_sines_are_those_of_the_library_to_rounding() {
+        let mut worst = 0.0_f64;
+        for k in 0..200_000 {
+            let x: [f64; LANES] = from_fn(|i| {
+                let n = f64::from(k) * 8.0 + i as f64;
+                match k % 4 {
+                    0 => 3.0 * (n * 0.618).sin(),
+                    1 => std::f64::consts::FRAC_PI_2 * n.rem_euclid(60_000.0).floor(),
+                    2 => 9.9e4 * (n * 0.37).cos(),
+                    _ => 1e-5 * (n * 0.11).sin(),
+                }
+            });
+            let (sin, cos) = Lanes::<true>(x).sin_cos();
+            for i in 0..LANES {
+                let error =
+                    |found: f64, exact: f64| (found - exact).abs() / exact.abs().max(1e-300);
+                worst = worst
+                    .max(error(sin.0[i], x[i].sin()))
+                    .max(error(cos.0[i], x[i].cos()));
+            }
+        }
+        assert!(worst < 4.0 * f64::EPSILON, "{worst:e}");
+    }
+
+    #[test]
+    fn angles_that_are_large_or_no_numbers_take_the_library_way() {
+        let mut x = [0.5; LANES];
+        (x[3], x[5]) = (1e9, f64::NAN);
+        let (sin, cos) = Lanes::<true>(x).sin_cos();
+        assert_eq!((sin.0[3], cos.0[3]), (1e9_f64.sin(), 1e9_f64.cos()));
+        assert!(sin.0[5].is_nan() && cos.0[5].is_nan());
+        assert_eq!(sin.0[0], 0.5_f64.sin());
+    }
+}

@@ -1,0 +1,391 @@
+//! What a mechanism gives, whatever its energies were written in.
+
+use nalgebra::{DMatrix, DVector, Matrix3};
+
+use crate::constraint::Holonomic;
+use crate::equations::{Workspace, one_by_one};
+use crate::{Coordinate, Error, LANES, Parameter};
+use crate::{ForwardDynamicsDerivatives, InverseDynamicsDerivatives};
+
+/// The equations of motion of one mechanism: M(q) v̇ + C(q, v) v + G(q) = Q.
+///
+/// Immutable and shared; what changes is in the [`Workspace`] of each thread. Every allocating call takes the nominal constants
+/// and checks its arguments; its `_into` twin takes the constants `p` (as many as [`parameters`](Self::parameters)), checks
+/// nothing, allocates nothing, and panics when a slice has the wrong length.
+///
+/// q in m or rad, v in m/s or rad/s, forces in N or N·m, energies in J.
+pub trait Mechanics: Send + Sync {
+    /// The coordinates, in the order of q and v.
+    fn coordinates(&self) -> &[Coordinate];
+
+    /// The constants that a fit may move.
+    fn parameters(&self) -> &[Parameter];
+
+    /// Scratch memory for the `_into` calls.
+    fn workspace(&self) -> Workspace;
+
+    /// T(q, v), J.
+    fn kinetic_energy_with(&self, q: &[f64], v: &[f64], p: &[f64]) -> f64;
+
+    /// V(q), J.
+    fn potential_energy_with(&self, q: &[f64], p: &[f64]) -> f64;
+
+    /// M(q), symmetric, all of it filled. For T not quadratic in v it is M(q, 0).
+    fn mass_matrix_into(&self, q: &[f64], p: &[f64], work: &mut Workspace, out: &mut DMatrix<f64>);
+
+    /// The Christoffel matrix C(q, v), for which Ṁ − 2C is skew. Defined for T quadratic in v.
+    fn coriolis_matrix_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut DMatrix<f64>,
+    );
+
+    /// G(q) = +∂V/∂q, on the left-hand side.
+    fn gravity_force_into(
+        &self,
+        q: &[f64],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut DVector<f64>,
+    );
+
+    /// C v + G, on the left-hand side.
+    fn bias_force_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut DVector<f64>,
+    );
+
+    /// Q = M v̇ + C v + G for v̇ = `a`.
+    fn inverse_dynamics_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        a: &[f64],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut DVector<f64>,
+    );
+
+    /// M, C and G at once.
+    #[allow(clippy::too_many_arguments)]
+    fn equations_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        p: &[f64],
+        work: &mut Workspace,
+        mass: &mut DMatrix<f64>,
+        coriolis: &mut DMatrix<f64>,
+        gravity: &mut DVector<f64>,
+    ) {
+        self.mass_matrix_into(q, p, work, mass);
+        self.coriolis_matrix_into(q, v, p, work, coriolis);
+        self.gravity_force_into(q, p, work, gravity);
+    }
+
+    /// v̇ from M v̇ = Q − C v − G: `out` holds Q and becomes v̇.
+    fn forward_dynamics_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut DVector<f64>,
+    ) -> Result<(), Error>;
+
+    /// Derivatives of the inverse dynamics at (q, v, v̇ = a) in q, v and the constants with the given indices. For T quadratic
+    /// in v or not; where a joint floats, those in q are along its velocities.
+    #[allow(clippy::too_many_arguments)]
+    fn inverse_dynamics_derivatives_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        a: &[f64],
+        p: &[f64],
+        constants: &[usize],
+        work: &mut Workspace,
+        out: &mut InverseDynamicsDerivatives,
+    );
+
+    /// v̇ and its derivatives in q, v, the generalized force Q = `force` and the constants with the given indices:
+    ///
+    /// ∂v̇/∂x = −M⁻¹ ∂(M v̇ + C v + G)/∂x at fixed v̇, and ∂v̇/∂Q = M⁻¹.
+    #[allow(clippy::too_many_arguments)]
+    fn forward_dynamics_derivatives_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        force: &[f64],
+        p: &[f64],
+        constants: &[usize],
+        work: &mut Workspace,
+        out: &mut ForwardDynamicsDerivatives,
+    ) -> Result<(), Error>;
+
+    /// [`inverse_dynamics_into`](Self::inverse_dynamics_into) of eight states: lane k of every entry is state k.
+    fn inverse_dynamics_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        a: &[[f64; LANES]],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut [[f64; LANES]],
+    ) {
+        one_by_one::inverse_dynamics(self, (q, v, a), p, work, out);
+    }
+
+    /// [`forward_dynamics_into`](Self::forward_dynamics_into) of eight states: `out` holds Q and becomes v̇, lane k of every entry for
+    /// state k.
+    ///
+    /// # Errors
+    /// Of the first state that has no acceleration; `out` is then of no use.
+    fn forward_dynamics_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut [[f64; LANES]],
+    ) -> Result<(), Error> {
+        one_by_one::forward_dynamics(self, (q, v), p, work, out)
+    }
+
+    /// [`mass_matrix_into`](Self::mass_matrix_into) of eight positions, column after column: lane k of every entry is state k.
+    fn mass_matrix_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut [[f64; LANES]],
+    ) {
+        one_by_one::mass_matrix(self, q, p, work, out);
+    }
+
+    /// The constraints that the forward dynamics obeys, where there are some; see [`Constrained`](crate::constraint::Constrained).
+    fn constraints(&self) -> Option<&dyn Holonomic> {
+        None
+    }
+
+    /// Length of q; more than [`nv`](Self::nv) where a joint floats.
+    fn nq(&self) -> usize {
+        self.coordinates().iter().map(Coordinate::nq).sum()
+    }
+
+    /// Length of v, of accelerations and of generalized forces: the degrees of freedom.
+    fn nv(&self) -> usize {
+        self.coordinates().iter().map(Coordinate::nv).sum()
+    }
+
+    /// The nominal constants.
+    fn nominal(&self) -> Vec<f64> {
+        self.parameters().iter().map(|p| p.nominal).collect()
+    }
+
+    /// T(q, v), J.
+    fn kinetic_energy(&self, q: &[f64], v: &[f64]) -> Result<f64, Error> {
+        self.check(&[("q", q), ("v", v)])?;
+        Ok(self.kinetic_energy_with(q, v, &self.nominal()))
+    }
+
+    /// V(q), J; zero at the world's origin for a URDF.
+    fn potential_energy(&self, q: &[f64]) -> Result<f64, Error> {
+        self.check(&[("q", q)])?;
+        Ok(self.potential_energy_with(q, &self.nominal()))
+    }
+
+    /// T + V, J: constant along a motion with Q = 0.
+    fn total_energy(&self, q: &[f64], v: &[f64]) -> Result<f64, Error> {
+        Ok(self.kinetic_energy(q, v)? + self.potential_energy(q)?)
+    }
+
+    /// M(q).
+    fn mass_matrix(&self, q: &[f64]) -> Result<DMatrix<f64>, Error> {
+        self.check(&[("q", q)])?;
+        let mut out = DMatrix::zeros(self.nv(), self.nv());
+        self.mass_matrix_into(q, &self.nominal(), &mut self.workspace(), &mut out);
+        Ok(out)
+    }
+
+    /// The Christoffel matrix C(q, v).
+    fn coriolis_matrix(&self, q: &[f64], v: &[f64]) -> Result<DMatrix<f64>, Error> {
+        self.check(&[("q", q), ("v", v)])?;
+        let mut out = DMatrix::zeros(self.nv(), self.nv());
+        self.coriolis_matrix_into(q, v, &self.nominal(), &mut self.workspace(), &mut out);
+        Ok(out)
+    }
+
+    /// G(q) = +∂V/∂q, on the left-hand side.
+    fn gravity_force(&self, q: &[f64]) -> Result<DVector<f64>, Error> {
+        self.check(&[("q", q)])?;
+        let mut out = DVector::zeros(self.nv());
+        self.gravity_force_into(q, &self.nominal(), &mut self.workspace(), &mut out);
+        Ok(out)
+    }
+
+    /// C v + G, on the left-hand side.
+    fn bias_force(&self, q: &[f64], v: &[f64]) -> Result<DVector<f64>, Error> {
+        self.check(&[("q", q), ("v", v)])?;
+        let mut out = DVector::zeros(self.nv());
+        self.bias_force_into(q, v, &self.nominal(), &mut self.workspace(), &mut out);
+        Ok(out)
+    }
+
+    /// The generalized force Q = M a + C v + G that makes the mechanism accelerate with `a`.
+    fn inverse_dynamics(&self, q: &[f64], v: &[f64], a: &[f64]) -> Result<DVector<f64>, Error> {
+        self.check(&[("q", q), ("v", v), ("a", a)])?;
+        let mut out = DVector::zeros(self.nv());
+        self.inverse_dynamics_into(q, v, a, &self.nominal(), &mut self.workspace(), &mut out);
+        Ok(out)
+    }
+
+    /// The acceleration v̇ = M⁻¹ (Q − C v − G) under the generalized force Q = `force`.
+    fn forward_dynamics(&self, q: &[f64], v: &[f64], force: &[f64]) -> Result<DVector<f64>, Error> {
+        self.check(&[("q", q), ("v", v), ("force", force)])?;
+        let mut out = DVector::from_column_slice(force);
+        self.forward_dynamics_into(q, v, &self.nominal(), &mut self.workspace(), &mut out)?;
+        Ok(out)
+    }
+
+    /// The generalized momenta ∂T/∂v = M v, for T quadratic in v; kg·m/s or kg·m²/s.
+    fn momentum(&self, q: &[f64], v: &[f64]) -> Result<DVector<f64>, Error> {
+        self.check(&[("q", q), ("v", v)])?;
+        Ok(self.mass_matrix(q)? * DVector::from_column_slice(v))
+    }
+
+    /// How the work of the generalized force Q = `force` goes into the two energies at this state, W.
+    ///
+    /// dT/dt = v · (M v̇ + ½ Ṁ v) = v · (M v̇ + C v) with the v̇ of the forward dynamics; dV/dt = v · G; and their sum is Q · v.
+    fn power_balance(&self, q: &[f64], v: &[f64], force: &[f64]) -> Result<PowerBalance, Error> {
+        let a = self.forward_dynamics(q, v, force)?;
+        let v = DVector::from_column_slice(v);
+        let coriolis = self.coriolis_matrix(q, v.as_slice())?;
+        Ok(PowerBalance {
+            input: v.dot(&DVector::from_column_slice(force)),
+            kinetic: v.dot(&(self.mass_matrix(q)? * a + coriolis * &v)),
+            potential: v.dot(&self.gravity_force(q)?),
+        })
+    }
+
+    /// The acceleration under Q = `force` and its derivatives in q, v, Q and all constants.
+    fn forward_dynamics_derivatives(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        force: &[f64],
+    ) -> Result<ForwardDynamicsDerivatives, Error> {
+        self.check(&[("q", q), ("v", v), ("force", force)])?;
+        let p = self.nominal();
+        let all: Vec<usize> = (0..p.len()).collect();
+        let mut out = ForwardDynamicsDerivatives::zeros(self.nv(), p.len());
+        let mut work = self.workspace();
+        self.forward_dynamics_derivatives_into(q, v, force, &p, &all, &mut work, &mut out)?;
+        Ok(out)
+    }
+
+    /// The inverse dynamics' derivatives in q, v and all constants, at the acceleration `a`.
+    fn inverse_dynamics_derivatives(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        a: &[f64],
+    ) -> Result<InverseDynamicsDerivatives, Error> {
+        self.check(&[("q", q), ("v", v), ("a", a)])?;
+        let p = self.nominal();
+        let all: Vec<usize> = (0..p.len()).collect();
+        let mut out = InverseDynamicsDerivatives::zeros(self.nv(), p.len());
+        let mut work = self.workspace();
+        self.inverse_dynamics_derivatives_into(q, v, a, &p, &all, &mut work, &mut out);
+        Ok(out)
+    }
+
+    /// The linear system ẋ = A x + B Q around the state (q, v) under Q = `force`, for x = (δq, δv): A = [0, 1; ∂v̇/∂q, ∂v̇/∂v],
+    /// B = [0; ∂v̇/∂Q], 2 nv × 2 nv and 2 nv × nv.
+    ///
+    /// Where a joint floats, δq is a displacement along its velocities, in axes that turn with the body: the block of A that is 0 is
+    /// there −ad(v), with −ω× for both halves and −v× from the angular half to the linear one.
+    fn linearize(&self, q: &[f64], v: &[f64], force: &[f64]) -> Result<Linear, Error> {
+        let by = self.forward_dynamics_derivatives(q, v, force)?;
+        let n = self.nv();
+        let mut linear = Linear {
+            a: DMatrix::zeros(2 * n, 2 * n),
+            b: DMatrix::zeros(2 * n, n),
+            acceleration: by.acceleration,
+        };
+        linear.a.view_mut((0, n), (n, n)).fill_with_identity();
+        let mut first = 0;
+        for coordinate in self.coordinates() {
+            if coordinate.floating {
+                let mut block = linear.a.view_mut((first, first), (6, 6));
+                block.copy_from(&carried(&v[first..first + 6]));
+            }
+            first += coordinate.nv();
+        }
+        linear.a.view_mut((n, 0), (n, n)).copy_from(&by.by_q);
+        linear.a.view_mut((n, n), (n, n)).copy_from(&by.by_v);
+        linear.b.view_mut((n, 0), (n, n)).copy_from(&by.by_force);
+        Ok(linear)
+    }
+
+    /// Refuses vectors of the wrong length or with NaN or infinity in them.
+    fn check(&self, vectors: &[(&'static str, &[f64])]) -> Result<(), Error> {
+        for &(what, vector) in vectors {
+            let expected = if what == "q" { self.nq() } else { self.nv() };
+            if vector.len() != expected {
+                return Err(Error::Dimension {
+                    what,
+                    found: vector.len(),
+                    expected,
+                });
+            }
+            if let Some(index) = vector.iter().position(|x| !x.is_finite()) {
+                return Err(Error::NotFinite {
+                    what,
+                    index,
+                    value: vector[index],
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Where the work of a generalized force goes; input = kinetic + potential.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PowerBalance {
+    /// Q · v, W.
+    pub input: f64,
+    /// dT/dt, W.
+    pub kinetic: f64,
+    /// dV/dt, W.
+    pub potential: f64,
+}
+
+/// The equations of motion, linear around one state.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Linear {
+    /// 2 nv × 2 nv.
+    pub a: DMatrix<f64>,
+    /// 2 nv × nv.
+    pub b: DMatrix<f64>,
+    /// v̇ at the state itself.
+    pub acceleration: DVector<f64>,
+}
+
+/// −ad of a velocity (linear, angular): how a small displacement in turning axes changes while the body moves with `v`.
+fn carried(v: &[f64]) -> DMatrix<f64> {
+    let cross = |x: &[f64]| Matrix3::new(0.0, -x[2], x[1], x[2], 0.0, -x[0], -x[1], x[0], 0.0);
+    let (linear, angular) = (cross(&v[..3]), cross(&v[3..]));
+    let mut out = DMatrix::zeros(6, 6);
+    out.view_mut((0, 0), (3, 3)).copy_from(&-angular);
+    out.view_mut((0, 3), (3, 3)).copy_from(&-linear);
+    out.view_mut((3, 3), (3, 3)).copy_from(&-angular);
+    out
+}

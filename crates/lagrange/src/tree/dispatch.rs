@@ -1,0 +1,180 @@
+//! One algorithm, compiled for several processors and for one state or eight at once; the processor is asked when memory is made.
+
+use super::articulated::Articulated;
+use super::common::{Axis, Moved, Sums};
+use super::inverse_dynamics::Link;
+use super::plan::Plan;
+use super::state::State;
+use crate::Scalar;
+use crate::lanes::{LANES, Lanes, Single};
+
+/// All that the algorithms write, on one scalar.
+#[derive(Debug, Clone)]
+pub struct TreeMemory<D> {
+    pub state: State<D>,
+    pub links: Vec<Link<D>>,
+    pub moved: Vec<Moved<D>>,
+    pub axes: Vec<Axis<D>>,
+    pub sums: Vec<Sums<D>>,
+    pub articulated: Vec<Articulated<D>>,
+    /// Q, and in its place v̇.
+    pub force: Vec<D>,
+    /// M in the order of the degrees of freedom, row after row; then its factor.
+    pub mass: Vec<D>,
+    /// Right-hand sides, row after row.
+    pub rows: Vec<D>,
+}
+
+impl<D: Scalar> TreeMemory<D> {
+    pub fn new(plan: &Plan) -> Self {
+        let n = plan.dofs.len();
+        TreeMemory {
+            state: State::new(plan),
+            links: Link::memory(plan),
+            moved: Moved::memory(plan),
+            axes: Axis::memory(plan),
+            sums: Sums::memory(plan),
+            articulated: Articulated::memory(plan),
+            force: vec![D::zero(); plan.nv],
+            mass: vec![D::zero(); n * n],
+            rows: vec![D::zero(); 3 * n * n],
+        }
+    }
+}
+
+/// One state, and eight.
+#[derive(Debug, Clone)]
+pub struct Memory<const FUSED: bool> {
+    pub one: TreeMemory<Single<FUSED>>,
+    pub eight: TreeMemory<Lanes<FUSED>>,
+}
+
+impl<const FUSED: bool> Memory<FUSED> {
+    fn new(plan: &Plan) -> Self {
+        Memory {
+            one: TreeMemory::new(plan),
+            eight: TreeMemory::new(plan),
+        }
+    }
+}
+
+/// What a number is outside of the algorithms: of one state, or of eight.
+pub trait Width: Copy + Default + Send + Sync + 'static {
+    type Number<const FUSED: bool>: Scalar;
+    fn memory<const FUSED: bool>(
+        memory: &mut Memory<FUSED>,
+    ) -> &mut TreeMemory<Self::Number<FUSED>>;
+    fn lift<const FUSED: bool>(self) -> Self::Number<FUSED>;
+    fn drop<const FUSED: bool>(x: Self::Number<FUSED>) -> Self;
+}
+
+impl Width for f64 {
+    type Number<const FUSED: bool> = Single<FUSED>;
+    #[inline(always)]
+    fn memory<const FUSED: bool>(
+        memory: &mut Memory<FUSED>,
+    ) -> &mut TreeMemory<Self::Number<FUSED>> {
+        &mut memory.one
+    }
+    #[inline(always)]
+    fn lift<const FUSED: bool>(self) -> Self::Number<FUSED> {
+        Single(self)
+    }
+    #[inline(always)]
+    fn drop<const FUSED: bool>(x: Self::Number<FUSED>) -> Self {
+        x.0
+    }
+}
+
+impl Width for [f64; LANES] {
+    type Number<const FUSED: bool> = Lanes<FUSED>;
+    #[inline(always)]
+    fn memory<const FUSED: bool>(
+        memory: &mut Memory<FUSED>,
+    ) -> &mut TreeMemory<Self::Number<FUSED>> {
+        &mut memory.eight
+    }
+    #[inline(always)]
+    fn lift<const FUSED: bool>(self) -> Self::Number<FUSED> {
+        Lanes(self)
+    }
+    #[inline(always)]
+    fn drop<const FUSED: bool>(x: Self::Number<FUSED>) -> Self {
+        x.0
+    }
+}
+
+/// An algorithm with its arguments.
+pub trait Kernel {
+    fn run<const FUSED: bool>(self, plan: &Plan, memory: &mut Memory<FUSED>);
+}
+
+/// Memory for one thread, and with it the instructions that its algorithms use.
+#[derive(Debug, Clone)]
+pub enum Machine {
+    /// AVX-512.
+    #[cfg(target_arch = "x86_64")]
+    V4(pulp::x86::V4, Box<Memory<true>>),
+    /// AVX2 and fused products.
+    #[cfg(target_arch = "x86_64")]
+    V3(pulp::x86::V3, Box<Memory<true>>),
+    /// What every processor of the target has.
+    Plain(Box<Memory<PLAIN_IS_FUSED>>),
+}
+
+/// AArch64 has fused products throughout.
+const PLAIN_IS_FUSED: bool = cfg!(target_arch = "aarch64");
+
+#[cfg(target_arch = "x86_64")]
+struct Vectorized<'a, K> {
+    kernel: K,
+    plan: &'a Plan,
+    memory: &'a mut Memory<true>,
+}
+
+#[cfg(target_arch = "x86_64")]
+impl<K: Kernel> pulp::NullaryFnOnce for Vectorized<'_, K> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        self.kernel.run(self.plan, self.memory);
+    }
+}
+
+impl Machine {
+    pub fn new(plan: &Plan) -> Self {
+        #[cfg(target_arch = "x86_64")]
+        {
+            if let Some(v4) = pulp::x86::V4::try_new() {
+                return Machine::V4(v4, Box::new(Memory::new(plan)));
+            }
+            if let Some(v3) = pulp::x86::V3::try_new() {
+                return Machine::V3(v3, Box::new(Memory::new(plan)));
+            }
+        }
+        Machine::plain(plan)
+    }
+
+    /// Without the instructions that only some processors have.
+    pub fn plain(plan: &Plan) -> Self {
+        Machine::Plain(Box::new(Memory::new(plan)))
+    }
+
+    pub fn run(&mut self, plan: &Plan, kernel: impl Kernel) {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Machine::V4(v4, memory) => v4.vectorize(Vectorized {
+                kernel,
+                plan,
+                memory,
+            }),
+            #[cfg(target_arch = "x86_64")]
+            Machine::V3(v3, memory) => v3.vectorize(Vectorized {
+                kernel,
+                plan,
+                memory,
+            }),
+            Machine::Plain(memory) => kernel.run(plan, memory),
+        }
+    }
+}

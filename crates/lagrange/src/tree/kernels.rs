@@ -1,0 +1,444 @@
+//! The algorithms with their arguments, for one state (`f64`) or eight (`[f64; 8]`).
+//!
+//! Matrices are stored column after column.
+
+use super::common::{ACCELERATION, POSITION, Sums, VELOCITY, composite, gravity, motion};
+use super::dispatch::{Kernel, Memory, TreeMemory, Width};
+use super::plan::Plan;
+use super::{articulated, derivatives, factor, inverse_dynamics, matrices};
+use crate::Scalar;
+
+/// A state and the constants.
+#[derive(Debug, Clone, Copy)]
+pub struct At<'a, T> {
+    pub q: &'a [T],
+    pub v: &'a [T],
+    pub p: &'a [f64],
+}
+
+#[inline(always)]
+fn load<T: Width, const F: bool>(to: &mut [T::Number<F>], from: &[T]) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to = from.lift();
+    }
+}
+
+impl<T: Width> At<'_, T> {
+    #[inline(always)]
+    fn load<const F: bool>(&self, plan: &Plan, memory: &mut TreeMemory<T::Number<F>>) {
+        let state = &mut memory.state;
+        load::<T, F>(&mut state.q, self.q);
+        load::<T, F>(&mut state.v, self.v);
+        for (to, from) in state.p.iter_mut().zip(self.p) {
+            *to = Scalar::constant(*from);
+        }
+        state.turn(plan);
+    }
+}
+
+/// Q = M v̇ + C v + G; C v + G without v̇.
+pub struct InverseDynamics<'a, T> {
+    pub at: At<'a, T>,
+    pub a: Option<&'a [T]>,
+    pub out: &'a mut [T],
+}
+
+impl<T: Width> Kernel for InverseDynamics<'_, T> {
+    #[inline(always)]
+    fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
+        let memory = T::memory(memory);
+        self.at.load::<F>(plan, memory);
+        match self.a {
+            Some(a) => load::<T, F>(&mut memory.state.a, a),
+            None => memory.state.a.fill(Scalar::zero()),
+        }
+        let TreeMemory {
+            state,
+            links,
+            force,
+            ..
+        } = memory;
+        inverse_dynamics::inverse_dynamics(plan, state, links, force);
+        for (to, from) in self.out.iter_mut().zip(force) {
+            *to = T::drop(*from);
+        }
+    }
+}
+
+/// M.
+pub struct MassMatrix<'a, T> {
+    pub at: At<'a, T>,
+    pub mass: &'a mut [T],
+}
+
+impl<T: Width> Kernel for MassMatrix<'_, T> {
+    #[inline(always)]
+    fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
+        let memory = T::memory(memory);
+        self.at.load::<F>(plan, memory);
+        let TreeMemory {
+            state,
+            moved,
+            axes,
+            sums,
+            ..
+        } = memory;
+        motion::<_, POSITION>(plan, state, moved, axes);
+        composite::<_, POSITION>(plan, state, moved, sums);
+        self.mass.fill(T::default());
+        matrices::mass_matrix(plan, axes, sums, |i, j, x| {
+            collect(&mut self.mass[j * plan.nv + i], x);
+        });
+    }
+}
+
+/// to += x.
+#[inline(always)]
+fn collect<T: Width, const F: bool>(to: &mut T, x: T::Number<F>) {
+    *to = T::drop(to.lift() + x);
+}
+
+/// G.
+pub struct GravityForce<'a, T> {
+    pub at: At<'a, T>,
+    pub out: &'a mut [T],
+}
+
+impl<T: Width> Kernel for GravityForce<'_, T> {
+    #[inline(always)]
+    fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
+        let memory = T::memory(memory);
+        self.at.load::<F>(plan, memory);
+        memory.state.v.fill(Scalar::zero());
+        memory.state.a.fill(Scalar::zero());
+        let TreeMemory {
+            state,
+            links,
+            force,
+            ..
+        } = memory;
+        inverse_dynamics::inverse_dynamics(plan, state, links, force);
+        for (to, from) in self.out.iter_mut().zip(force) {
+            *to = T::drop(*from);
+        }
+    }
+}
+
+/// M, C and G together.
+pub struct Equations<'a, T> {
+    pub at: At<'a, T>,
+    pub mass: &'a mut [T],
+    pub coriolis: &'a mut [T],
+    pub gravity: &'a mut [T],
+}
+
+impl<T: Width> Kernel for Equations<'_, T> {
+    #[inline(always)]
+    fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
+        let memory = T::memory(memory);
+        self.at.load::<F>(plan, memory);
+        let TreeMemory {
+            state,
+            moved,
+            axes,
+            sums,
+            ..
+        } = memory;
+        motion::<_, VELOCITY>(plan, state, moved, axes);
+        composite::<_, VELOCITY>(plan, state, moved, sums);
+        self.mass.fill(T::default());
+        self.coriolis.fill(T::default());
+        self.gravity.fill(T::default());
+        matrices::mass_and_coriolis(
+            plan,
+            axes,
+            sums,
+            |i, j, x| collect(&mut self.mass[j * plan.nv + i], x),
+            |i, j, x| collect(&mut self.coriolis[j * plan.nv + i], x),
+        );
+        let gravity = gravity(plan, state);
+        matrices::gravity_force(plan, &gravity, axes, sums, |i, x| {
+            collect(&mut self.gravity[i], x);
+        });
+    }
+}
+
+/// C.
+pub struct CoriolisMatrix<'a, T> {
+    pub at: At<'a, T>,
+    pub coriolis: &'a mut [T],
+}
+
+impl<T: Width> Kernel for CoriolisMatrix<'_, T> {
+    #[inline(always)]
+    fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
+        let memory = T::memory(memory);
+        self.at.load::<F>(plan, memory);
+        let TreeMemory {
+            state,
+            moved,
+            axes,
+            sums,
+            ..
+        } = memory;
+        motion::<_, VELOCITY>(plan, state, moved, axes);
+        composite::<_, VELOCITY>(plan, state, moved, sums);
+        self.coriolis.fill(T::default());
+        matrices::mass_and_coriolis(
+            plan,
+            axes,
+            sums,
+            |_, _, _| {},
+            |i, j, x| collect(&mut self.coriolis[j * plan.nv + i], x),
+        );
+    }
+}
+
+/// v̇ by articulated bodies; for joints of which none follows another.
+pub struct ForwardDynamics<'a, T> {
+    pub at: At<'a, T>,
+    /// Q, and afterwards v̇.
+    pub force: &'a mut [T],
+}
+
+impl<T: Width> Kernel for ForwardDynamics<'_, T> {
+    #[inline(always)]
+    fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
+        let memory = T::memory(memory);
+        self.at.load::<F>(plan, memory);
+        load::<T, F>(&mut memory.force, self.force);
+        let TreeMemory {
+            state,
+            moved,
+            axes,
+            articulated,
+            force,
+            ..
+        } = memory;
+        articulated::forward_dynamics(plan, state, moved, axes, articulated, force);
+        for (to, from) in self.force.iter_mut().zip(force) {
+            *to = T::drop(*from);
+        }
+    }
+}
+
+/// v̇ through the factor of M; for joints of which none follows another.
+pub struct ForwardDynamicsByMass<'a, T> {
+    pub at: At<'a, T>,
+    /// Q, and afterwards v̇.
+    pub force: &'a mut [T],
+}
+
+impl<T: Width> Kernel for ForwardDynamicsByMass<'_, T> {
+    #[inline(always)]
+    fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
+        let memory = T::memory(memory);
+        self.at.load::<F>(plan, memory);
+        memory.state.a.fill(Scalar::zero());
+        let TreeMemory {
+            state,
+            links,
+            force,
+            moved,
+            axes,
+            sums,
+            mass,
+            rows,
+            ..
+        } = memory;
+        inverse_dynamics::inverse_dynamics(plan, state, links, force);
+        motion::<_, POSITION>(plan, state, moved, axes);
+        composite::<_, POSITION>(plan, state, moved, sums);
+        mass_by_dofs(plan, axes, sums, mass);
+        factor::factor(plan, mass);
+        for (k, dof) in plan.dofs.iter().enumerate() {
+            rows[k] = self.force[dof.v].lift() - force[dof.v];
+        }
+        factor::solve(plan, mass, &mut rows[..plan.dofs.len()], 1);
+        for (k, dof) in plan.dofs.iter().enumerate() {
+            self.force[dof.v] = T::drop(rows[k]);
+        }
+    }
+}
+
+/// M in the order of the degrees of freedom, row after row: the diagonal and what is below it.
+#[inline(always)]
+fn mass_by_dofs<D: Scalar>(
+    plan: &Plan,
+    axes: &[super::common::Axis<D>],
+    sums: &[Sums<D>],
+    mass: &mut [D],
+) {
+    let n = plan.dofs.len();
+    for (k, dof) in plan.dofs.iter().enumerate() {
+        let momentum = sums[dof.body].of_motion(&axes[k].s);
+        let mut at = Some(k);
+        while let Some(j) = at {
+            mass[k * n + j] = axes[j].s.dot(&momentum);
+            at = plan.dofs[j].above;
+        }
+    }
+}
+
+/// ∂Q/∂q and ∂Q/∂v of the inverse dynamics.
+pub struct InverseDerivatives<'a, T> {
+    pub at: At<'a, T>,
+    pub a: &'a [T],
+    pub by_q: &'a mut [T],
+    pub by_v: &'a mut [T],
+}
+
+impl<T: Width> Kernel for InverseDerivatives<'_, T> {
+    #[inline(always)]
+    fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
+        let memory = T::memory(memory);
+        self.at.load::<F>(plan, memory);
+        load::<T, F>(&mut memory.state.a, self.a);
+        let TreeMemory {
+            state,
+            moved,
+            axes,
+            sums,
+            ..
+        } = memory;
+        motion::<_, ACCELERATION>(plan, state, moved, axes);
+        composite::<_, ACCELERATION>(plan, state, moved, sums);
+        self.by_q.fill(T::default());
+        self.by_v.fill(T::default());
+        let (dofs, nv) = (&plan.dofs, plan.nv);
+        derivatives::inverse_dynamics(
+            plan,
+            axes,
+            sums,
+            |i, j, x| collect(&mut self.by_q[dofs[j].v * nv + dofs[i].v], x),
+            |i, j, x| collect(&mut self.by_v[dofs[j].v * nv + dofs[i].v], x),
+        );
+    }
+}
+
+/// v̇ and its derivatives; for joints of which none follows another.
+pub struct ForwardDerivatives<'a, T> {
+    pub at: At<'a, T>,
+    /// Q, and afterwards v̇.
+    pub force: &'a mut [T],
+    pub by_q: &'a mut [T],
+    pub by_v: &'a mut [T],
+    pub by_force: &'a mut [T],
+}
+
+impl<T: Width> Kernel for ForwardDerivatives<'_, T> {
+    #[inline(always)]
+    fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
+        let n = plan.dofs.len();
+        let memory = T::memory(memory);
+        self.at.load::<F>(plan, memory);
+        memory.state.a.fill(Scalar::zero());
+        let TreeMemory {
+            state,
+            links,
+            moved,
+            axes,
+            sums,
+            force,
+            mass,
+            rows,
+            ..
+        } = memory;
+        // v̇ from M and the bias force.
+        inverse_dynamics::inverse_dynamics(plan, state, links, force);
+        motion::<_, POSITION>(plan, state, moved, axes);
+        composite::<_, POSITION>(plan, state, moved, sums);
+        mass_by_dofs(plan, axes, sums, mass);
+        factor::factor(plan, mass);
+        for (k, dof) in plan.dofs.iter().enumerate() {
+            rows[k] = self.force[dof.v].lift() - force[dof.v];
+        }
+        factor::solve(plan, mass, &mut rows[..n], 1);
+        for (k, dof) in plan.dofs.iter().enumerate() {
+            state.a[dof.v] = rows[k];
+            self.force[dof.v] = T::drop(rows[k]);
+        }
+        // −∂Q/∂q, −∂Q/∂v and 1, row after row, under M⁻¹.
+        motion::<_, ACCELERATION>(plan, state, moved, axes);
+        composite::<_, ACCELERATION>(plan, state, moved, sums);
+        let width = 3 * n;
+        rows.fill(Scalar::zero());
+        let cells = std::cell::Cell::from_mut(&mut rows[..]).as_slice_of_cells();
+        derivatives::inverse_dynamics(
+            plan,
+            axes,
+            sums,
+            |i, j, x| cells[i * width + j].set(-x),
+            |i, j, x| cells[i * width + n + j].set(-x),
+        );
+        for k in 0..n {
+            cells[k * width + 2 * n + k].set(Scalar::constant(1.0));
+        }
+        factor::solve(plan, mass, rows, width);
+        for (i, row) in plan.dofs.iter().zip(rows.chunks_exact(width)) {
+            for (k, j) in plan.dofs.iter().enumerate() {
+                let at = j.v * n + i.v;
+                self.by_q[at] = T::drop(row[k]);
+                self.by_v[at] = T::drop(row[n + k]);
+                self.by_force[at] = T::drop(row[2 * n + k]);
+            }
+        }
+    }
+}
+
+/// ∂Q/∂p of the inverse dynamics in some factors on masses, one column each: what the body's own wrench does along the joints
+/// that carry it.
+pub struct ByMassScale<'a> {
+    pub at: At<'a, f64>,
+    pub a: &'a [f64],
+    pub constants: &'a [usize],
+    pub out: &'a mut [f64],
+}
+
+impl Kernel for ByMassScale<'_> {
+    #[inline(always)]
+    fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
+        let memory = f64::memory(memory);
+        self.at.load::<F>(plan, memory);
+        load::<f64, F>(&mut memory.state.a, self.a);
+        let TreeMemory {
+            state, moved, axes, ..
+        } = memory;
+        motion::<_, ACCELERATION>(plan, state, moved, axes);
+        self.out.fill(0.0);
+        for (i, body) in plan.bodies.iter().enumerate() {
+            let wanted = |c: &usize| Some(*c) == body.parameter;
+            let Some(column) = self.constants.iter().position(wanted) else {
+                continue;
+            };
+            let alone = Sums::of::<ACCELERATION>(body, &moved[i], Scalar::constant(1.0));
+            let mut at = Some(body.first + body.freedom.dof() - 1);
+            while let Some(j) = at {
+                let dof = &plan.dofs[j];
+                let entry = axes[j].s.dot(&alone.wrench) * dof.ratio;
+                collect(&mut self.out[column * plan.nv + dof.v], entry);
+                at = dof.above;
+            }
+        }
+    }
+}
+
+/// M⁻¹ times a vector, with the factor that [`ForwardDerivatives`] has left.
+pub struct Solve<'a> {
+    pub rhs: &'a mut [f64],
+}
+
+impl Kernel for Solve<'_> {
+    #[inline(always)]
+    fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
+        let TreeMemory { mass, rows, .. } = f64::memory(memory);
+        let rows = &mut rows[..plan.dofs.len()];
+        for (row, dof) in rows.iter_mut().zip(&plan.dofs) {
+            *row = self.rhs[dof.v].lift();
+        }
+        factor::solve(plan, mass, rows, 1);
+        for (row, dof) in rows.iter().zip(&plan.dofs) {
+            self.rhs[dof.v] = f64::drop(*row);
+        }
+    }
+}

@@ -1,0 +1,32 @@
+//! Equations of motion of trees of rigid bodies in O(n) and O(n · depth).
+//!
+//! All of it is Lagrange's equations, Q_i = ∫ ∂r/∂q_i · (r̈ − g) dm, with the integrals over the mass points taken once: of a rigid body
+//! nothing is left of its points but ∫ dm, ∫ r dm and ∫ r rᵀ dm, and of the joint i nothing but the motion S_i that it makes.
+//!
+//! | file | gives |
+//! |---|---|
+//! | `inverse_dynamics` | Q and the bias force, body by body in its own axes |
+//! | `common` | all bodies in one frame: motions, and sums over all that a joint carries |
+//! | `matrices` | M, C, G |
+//! | `derivatives` | ∂Q/∂q, ∂Q/∂v |
+//! | `factor` | M = Lᵀ D L and M⁻¹ X |
+//! | `articulated` | v̇ without M |
+//!
+//! They are written over [`Scalar`](crate::Scalar); `dispatch` compiles them for the processor at hand, for one state and for eight.
+
+mod articulated;
+mod common;
+mod derivatives;
+mod dispatch;
+mod engine;
+mod factor;
+mod inverse_dynamics;
+mod kernels;
+mod matrices;
+mod plan;
+mod state;
+mod vector;
+
+pub use dispatch::Machine;
+pub use engine::Engine;
+pub use kernels::At;
