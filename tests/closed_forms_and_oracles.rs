@@ -4,16 +4,20 @@
 mod common {
     pub mod load;
     pub mod motion;
+    pub mod oracle;
     pub mod written;
 }
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use common::load::tree;
 use common::motion::advance;
+use common::oracle::{
+    Agreement, folder, from_sympy, json, numbers, on_a_chain_of_angles, own_name, texts,
+};
 use common::written::{cart_pole_as_text, double_pendulum_as_text, model, text};
 use lagrange::urdf::Options;
-use lagrange::{Mechanics, TextSource};
+use lagrange::{ForwardDynamicsDerivatives, Mechanics, TextSource};
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use serde_json::Value;
 
@@ -153,33 +157,6 @@ fn the_double_pendulum_is_its_closed_form() {
     agrees_with_hand("double pendulum (text)", &text, double_pendulum);
 }
 
-/// The folder of reference data, where there is one beside the checkout.
-fn oracles() -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/oracles");
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    eprintln!(
-        "SKIPPED: there is no reference data at {}",
-        folder.display()
-    );
-    None
-}
-
-fn json(path: &Path) -> Value {
-    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
-}
-
-fn numbers(value: &Value) -> Vec<f64> {
-    let list = value.as_array().unwrap();
-    list.iter().map(|x| x.as_f64().unwrap()).collect()
-}
-
-fn texts(value: &Value) -> Vec<&str> {
-    let list = value.as_array().unwrap();
-    list.iter().map(|x| x.as_str().unwrap()).collect()
-}
-
 /// Reference data of a mechanism whose coordinates stand in another order: `order[k]` is our index of its coordinate k.
 struct Reference<'a> {
     name: String,
@@ -258,6 +235,29 @@ impl Reference<'_> {
         }
     }
 
+    /// The derivatives of the forward dynamics, where they are given, to `tolerance` of their largest entry.
+    fn derives(&self, mechanics: &impl Mechanics, tolerance: f64) {
+        let mut agreement = Agreement::of(format!("{}, derivatives", self.name));
+        let (n, p) = (mechanics.nv(), mechanics.nominal());
+        let mut work = mechanics.workspace();
+        let mut found = ForwardDynamicsDerivatives::zeros(n, 0);
+        let given = |state: &&Value| state["dqdd_dq"].is_array();
+        for (k, state) in self.states.iter().filter(given).enumerate() {
+            let [q, v, force] = ["q", "v", "tau"].map(|key| self.vector(&state[key]));
+            mechanics
+                .forward_dynamics_derivatives_into(&q, &v, &force, &p, &[], &mut work, &mut found)
+                .unwrap();
+            let place = format!("state {k}");
+            let mut close = |what, found: &[f64], key: &str| {
+                let expected = self.matrix(&state[key]);
+                agreement.close(what, &place, found, expected.as_slice(), tolerance);
+            };
+            close("∂v̇/∂q", found.by_q.as_slice(), "dqdd_dq");
+            close("∂v̇/∂v", found.by_v.as_slice(), "dqdd_dv");
+            close("∂v̇/∂Q", found.by_force.as_slice(), "M_inverse");
+        }
+    }
+
     /// The free motion, Q = 0, and its energy.
     fn moves_along(&self, mechanics: &impl Mechanics, trajectory: &Value) {
         let times = numbers(&trajectory["t"]);
@@ -285,33 +285,47 @@ impl Reference<'_> {
 
 fn robot(folder: &Path, robot: &str, variant: &str) {
     let name = format!("{robot}/{variant}");
-    let urdf = std::fs::read_to_string(folder.join(format!("{robot}.urdf"))).unwrap();
+    let mut urdf = std::fs::read_to_string(folder.join(format!("{robot}.urdf"))).unwrap();
     let json = json(&folder.join(format!("{robot}.json")));
+    if variant == "floating_zyx" {
+        urdf = on_a_chain_of_angles(&urdf, "base_link");
+    }
     let options = Options {
         source: format!("{robot}.urdf"),
-        ignore_mimic: variant == "fixed",
+        ignore_mimic: !variant.ends_with("mimic"),
         ..Options::default()
     };
     let mechanics = tree(&urdf, &options);
-    let variant = &json["variants"][variant];
-    let index = |name: &str| mechanics.coordinates().iter().position(|c| c.name == name);
-    let names = texts(&variant["dof_order"]);
+    let given = &json["variants"][variant];
+    let names: Vec<String> = mechanics
+        .coordinates()
+        .iter()
+        .map(|c| c.name.clone())
+        .collect();
+    let index = |name: &str| {
+        let (own, _) = own_name(name, &names);
+        names.iter().position(|n| *n == own).unwrap()
+    };
+    let dof_order = texts(&given["dof_order"]);
     let reference = Reference {
-        order: names.into_iter().map(|name| index(name).unwrap()).collect(),
-        states: variant["states"].as_array().unwrap(),
+        order: dof_order.into_iter().map(index).collect(),
+        states: given["states"].as_array().unwrap(),
         name,
     };
     assert_eq!(reference.order.len(), mechanics.nv());
     let coriolis = if mechanics.nv() > 12 { 2 } else { usize::MAX };
     reference.agrees(&mechanics, 1e-10, coriolis);
-    if variant["trajectory_tau0"].is_object() {
-        reference.moves_along(&mechanics, &variant["trajectory_tau0"]);
+    // Those of floating_zyx are differences of accelerations.
+    let differences = variant == "floating_zyx";
+    reference.derives(&mechanics, if differences { 1e-8 } else { 1e-9 });
+    if given["trajectory_tau0"].is_object() {
+        reference.moves_along(&mechanics, &given["trajectory_tau0"]);
     }
 }
 
 #[test]
 fn robots_agree_with_other_engines() {
-    let Some(folder) = oracles() else { return };
+    let Some(folder) = folder() else { return };
     for (name, variant) in [
         ("cartpole_roehrl2020", "fixed"),
         ("cartpole_pybullet", "fixed"),
@@ -321,7 +335,9 @@ fn robots_agree_with_other_engines() {
         ("panda", "mimic"),
         ("kinova_j2s6s200", "fixed"),
         ("solo12", "fixed"),
+        ("solo12", "floating_zyx"),
         ("talos_reduced", "fixed"),
+        ("talos_reduced", "floating_zyx"),
         ("pr2", "fixed"),
         ("pr2", "mimic"),
     ] {
@@ -331,21 +347,9 @@ fn robots_agree_with_other_engines() {
     }
 }
 
-/// `Derivative(x, t)` and `**`, as sympy writes them.
-fn from_sympy(formula: &Value) -> String {
-    let mut text = formula.as_str().unwrap().replace("**", "^");
-    while let Some(start) = text.find("Derivative(") {
-        let end = start + text[start..].find(')').unwrap();
-        let inside = &text[start + "Derivative(".len()..end];
-        let velocity = format!("{}_dot", inside.trim_end_matches(", t"));
-        text.replace_range(start..=end, &velocity);
-    }
-    text
-}
-
 #[test]
 fn energies_as_text_agree_with_a_computer_algebra_system() {
-    let Some(folder) = oracles() else { return };
+    let Some(folder) = folder() else { return };
     for name in [
         "cartpole_table2",
         "double_pendulum",

@@ -1,0 +1,350 @@
+//! `pinode dynamics` and `pinode simulate`, from a model file to printed numbers, against independent engines.
+#![allow(clippy::unwrap_used, clippy::panic)] // helpers of tests
+
+mod common {
+    pub mod oracle;
+}
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use common::oracle::{
+    Agreement, folder, from_sympy, json, numbers, on_a_chain_of_angles, own_name, texts,
+};
+use serde_json::{Value, json as object};
+
+/// What the program prints; its arguments must be good.
+fn pinode(arguments: &[&str]) -> String {
+    let output = Command::new(env!("CARGO_BIN_EXE_pinode"))
+        .args(arguments)
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "pinode {}: {}",
+        arguments.join(" "),
+        String::from_utf8_lossy(&output.stderr)
+    );
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// A model file in a folder of its own, and which of the program's numbers are which of the reference's.
+struct Under {
+    folder: tempfile::TempDir,
+    model: PathBuf,
+    /// Place in q and in v of the reference's coordinates; the place in q is that of the velocity where a base floats.
+    q: Vec<usize>,
+    v: Vec<usize>,
+    nq: usize,
+    floats: bool,
+}
+
+impl Under {
+    /// Writes the model, and lets the program say what its coordinates are.
+    fn new(model: &str, files: &[(&str, &str)], dof_order: &[&str]) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, text) in files {
+            std::fs::write(folder.path().join(name), text).unwrap();
+        }
+        let path = folder.path().join("model.toml");
+        std::fs::write(&path, model).unwrap();
+        let mut under = Under {
+            folder,
+            model: path,
+            q: Vec::new(),
+            v: Vec::new(),
+            nq: 0,
+            floats: false,
+        };
+        let coordinates = under.dynamics(&[])["coordinates"].clone();
+        let (mut names, mut starts, mut nv) = (Vec::new(), Vec::new(), 0);
+        for c in coordinates.as_array().unwrap() {
+            names.push(c["name"].as_str().unwrap().to_owned());
+            starts.push((under.nq, nv));
+            under.nq += c["nq"].as_u64().unwrap() as usize;
+            nv += c["nv"].as_u64().unwrap() as usize;
+        }
+        under.floats = under.nq != nv;
+        for name in dof_order {
+            let (own, entry) = own_name(name, &names);
+            let index = names.iter().position(|n| *n == own);
+            let (q, v) = starts[index.unwrap_or_else(|| panic!("no {own} in {names:?}"))];
+            under.q.push(q + entry);
+            under.v.push(v + entry);
+        }
+        assert_eq!(under.v.len(), nv, "{names:?} against {dof_order:?}");
+        under
+    }
+
+    /// The output of `pinode dynamics` at `states`.
+    fn dynamics(&self, states: &[Value]) -> Value {
+        let path = self.folder.path().join("states.json");
+        std::fs::write(&path, object!({ "states": states }).to_string()).unwrap();
+        let [model, states] = [&self.model, &path].map(|p| p.to_str().unwrap());
+        serde_json::from_str(&pinode(&["dynamics", model, states])).unwrap()
+    }
+
+    /// q of a state of the reference, in the program's order.
+    fn position(&self, state: &Value) -> Vec<f64> {
+        let mut q = vec![0.0; self.nq];
+        let given = numbers(&state["q"]);
+        // Where the base floats, the pose is given beside q, the scalar of its quaternion last.
+        let skip = self.q.len() - given.len();
+        for (&i, x) in self.q.iter().skip(skip).zip(given) {
+            q[i] = x;
+        }
+        if self.floats {
+            q[..3].copy_from_slice(&numbers(&state["base_position"]));
+            let xyzw = numbers(&state["base_quaternion_xyzw"]);
+            q[3] = xyzw[3];
+            q[4..7].copy_from_slice(&xyzw[..3]);
+        }
+        q
+    }
+
+    /// A vector of velocities or forces of the reference, in the program's order.
+    fn vector(&self, value: &Value) -> Vec<f64> {
+        let mut out = vec![0.0; self.v.len()];
+        let pairs = self.v.iter().zip(numbers(value));
+        pairs.for_each(|(&i, x)| out[i] = x);
+        out
+    }
+
+    /// A matrix of the reference in the program's order, row by row.
+    fn matrix(&self, value: &Value) -> Vec<f64> {
+        let n = self.v.len();
+        let mut out = vec![0.0; n * n];
+        for (&i, row) in self.v.iter().zip(value.as_array().unwrap()) {
+            let row = self.vector(row);
+            out[i * n..(i + 1) * n].copy_from_slice(&row);
+        }
+        out
+    }
+
+    /// Every quantity at every state, to 1e-9 of its largest entry.
+    fn agrees_at(&self, states: &[Value], agreement: &mut Agreement) {
+        let asked: Vec<Value> = states
+            .iter()
+            .map(|state| {
+                let (v, tau) = (self.vector(&state["v"]), self.vector(&state["tau"]));
+                object!({ "q": self.position(state), "v": v, "tau": tau })
+            })
+            .collect();
+        let answer = self.dynamics(&asked);
+        let found = answer["states"].as_array().unwrap();
+        assert_eq!(found.len(), states.len());
+        for (k, (expected, found)) in states.iter().zip(found).enumerate() {
+            let place = format!("state {k}");
+            let mut close = |what, found: &[f64], expected: &[f64]| {
+                agreement.close(what, &place, found, expected, 1e-9);
+            };
+            let energy = |value: &Value| [value.as_f64().unwrap()];
+            let vector = |key: &str| self.vector(&expected[key]);
+            let (mass, coriolis) = (flat(&found["mass_matrix"]), flat(&found["coriolis_matrix"]));
+            let [gravity, bias, acceleration] =
+                ["gravity_force", "bias_force", "acceleration"].map(|key| numbers(&found[key]));
+            close("M", &mass, &self.matrix(&expected["M"]));
+            close("G", &gravity, &vector("G"));
+            close("bias", &bias, &vector("bias"));
+            if expected["C_christoffel"].is_array() {
+                let expected = self.matrix(&expected["C_christoffel"]);
+                close("C", &coriolis, &expected);
+            }
+            let v = vector("v");
+            let product: Vec<f64> = coriolis
+                .chunks(v.len())
+                .map(|row| row.iter().zip(&v).map(|(c, v)| c * v).sum())
+                .collect();
+            let expected_product: Vec<f64> = if expected["Cv"].is_array() {
+                vector("Cv")
+            } else {
+                vector("bias")
+                    .iter()
+                    .zip(vector("G"))
+                    .map(|(b, g)| b - g)
+                    .collect()
+            };
+            close("C v", &product, &expected_product);
+            close("v̇", &acceleration, &vector("qdd"));
+            close(
+                "T",
+                &energy(&found["kinetic_energy"]),
+                &energy(&expected["KE"]),
+            );
+            close(
+                "V",
+                &energy(&found["potential_energy"]),
+                &energy(&expected["PE"]),
+            );
+        }
+    }
+
+    /// The free motion by `pinode simulate`, to 1e-8 of the largest entry of the state.
+    fn moves_along(&self, trajectory: &Value, agreement: &mut Agreement) {
+        let times = numbers(&trajectory["t"]);
+        let state = |k: usize| {
+            let (q, v) = (&trajectory["q"][k], &trajectory["v"][k]);
+            [self.vector(q), self.vector(v)].concat()
+        };
+        let initial: Vec<String> = state(0).iter().map(f64::to_string).collect();
+        let out = self.folder.path().join("trajectory.csv");
+        pinode(&[
+            "simulate",
+            self.model.to_str().unwrap(),
+            "--initial",
+            &initial.join(","),
+            "--sample",
+            &(times[1] - times[0]).to_string(),
+            "--duration",
+            &times[times.len() - 1].to_string(),
+            "--step",
+            "1e-4",
+            "--out",
+            out.to_str().unwrap(),
+        ]);
+        let rows = rows(&out);
+        assert_eq!(rows.len(), times.len());
+        for (k, (row, t)) in rows.iter().zip(&times).enumerate() {
+            assert!((row[0] - t).abs() < 1e-12, "{} s is not {t} s", row[0]);
+            let place = format!("at {t} s");
+            agreement.close("trajectory", &place, &row[1..], &state(k), 1e-8);
+        }
+    }
+}
+
+/// The numbers of a matrix, row by row.
+fn flat(rows: &Value) -> Vec<f64> {
+    assert!(rows.is_array(), "no matrix: {rows}");
+    let rows = rows.as_array().unwrap();
+    rows.iter().flat_map(numbers).collect()
+}
+
+/// The numbers of a CSV file below its header.
+fn rows(path: &Path) -> Vec<Vec<f64>> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let numbers = |line: &str| line.split(',').map(|x| x.parse().unwrap()).collect();
+    text.lines().skip(1).map(numbers).collect()
+}
+
+/// A robot of the reference in one of its variants.
+fn robot(robot: &str, variant: &str) {
+    let Some(folder) = folder() else { return };
+    let reference = json(&folder.join(format!("{robot}.json")));
+    let mut urdf = std::fs::read_to_string(folder.join(format!("{robot}.urdf"))).unwrap();
+    let (mut base, mut mimic) = ("fixed", "follow");
+    match variant {
+        "fixed" | "planar_coords" => mimic = "ignore",
+        "mimic" | "planar_coords_mimic" => (),
+        "floating_quat" => base = "floating",
+        "floating_zyx" => urdf = on_a_chain_of_angles(&urdf, "base_link"),
+        _ => panic!("unknown variant {variant}"),
+    }
+    let model = format!(
+        "urdf = \"robot.urdf\"\nbase = \"{base}\"\nmimic = \"{mimic}\"\nurdf_dynamics = false\n"
+    );
+    let variant_data = &reference["variants"][variant];
+    let under = Under::new(
+        &model,
+        &[("robot.urdf", &urdf)],
+        &texts(&variant_data["dof_order"]),
+    );
+    let mut agreement = Agreement::of(format!("{robot}/{variant}"));
+    let states = variant_data["states"].as_array().unwrap();
+    assert_eq!(states.len(), 20);
+    under.agrees_at(states, &mut agreement);
+    if variant_data["trajectory_tau0"].is_object() {
+        under.moves_along(&variant_data["trajectory_tau0"], &mut agreement);
+    }
+}
+
+/// One test a variant, named after it.
+macro_rules! robots {
+    ($($(#[$mark:meta])* $test:ident: $robot:literal, $variant:literal;)*) => {
+        $(
+            #[test]
+            $(#[$mark])*
+            fn $test() {
+                robot($robot, $variant);
+            }
+        )*
+        /// Every variant of the reference has its test above.
+        const VARIANTS: &[(&str, &str)] = &[$(($robot, $variant)),*];
+    };
+}
+
+robots! {
+    the_cart_pole_of_the_paper: "cartpole_roehrl2020", "fixed";
+    the_cart_pole_of_pybullet: "cartpole_pybullet", "fixed";
+    a_double_pendulum: "double_pendulum_continuous", "fixed";
+    the_arm_iiwa: "kuka_iiwa", "fixed";
+    the_arm_panda_with_free_fingers: "panda", "fixed";
+    the_arm_panda: "panda", "mimic";
+    the_arm_j2s6s200: "kinova_j2s6s200", "fixed";
+    #[ignore = "planar joints are not read yet"]
+    a_tree_with_a_planar_joint: "stress_tree", "planar_coords";
+    #[ignore = "planar joints are not read yet"]
+    a_tree_with_a_planar_joint_and_a_coupling: "stress_tree", "planar_coords_mimic";
+    the_quadruped_solo12_held: "solo12", "fixed";
+    #[ignore = "floating bases are not read yet"]
+    the_quadruped_solo12: "solo12", "floating_quat";
+    the_quadruped_solo12_on_a_chain_of_angles: "solo12", "floating_zyx";
+    the_humanoid_talos_held: "talos_reduced", "fixed";
+    #[ignore = "floating bases are not read yet"]
+    the_humanoid_talos: "talos_reduced", "floating_quat";
+    the_humanoid_talos_on_a_chain_of_angles: "talos_reduced", "floating_zyx";
+    the_robot_pr2_without_its_couplings: "pr2", "fixed";
+    the_robot_pr2: "pr2", "mimic";
+}
+
+#[test]
+fn every_variant_of_the_reference_is_tested() {
+    let Some(folder) = folder() else { return };
+    let mut missing = Vec::new();
+    for entry in folder.read_dir().unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_none_or(|e| e != "json") {
+            continue;
+        }
+        let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
+        for variant in json(&path)["variants"]
+            .as_object()
+            .into_iter()
+            .flat_map(|v| v.keys())
+        {
+            if !VARIANTS.contains(&(name.as_str(), variant.as_str())) {
+                missing.push(format!("{name}/{variant}"));
+            }
+        }
+    }
+    assert!(missing.is_empty(), "{missing:?}");
+}
+
+#[test]
+fn energies_as_text_give_the_closed_forms() {
+    let Some(folder) = folder() else { return };
+    for name in [
+        "cartpole_table2",
+        "double_pendulum",
+        "triple_pendulum_relative",
+        "spherical_pendulum",
+        "furuta_pendulum",
+        "elastic_pendulum",
+    ] {
+        let reference = json(&folder.join(format!("closed_{name}.json")));
+        let coordinates: Vec<&str> = texts(&reference["coordinates"])
+            .into_iter()
+            .map(|c| c.trim_end_matches("(t)"))
+            .collect();
+        let mut model = format!(
+            "[lagrangian]\ncoordinates = {coordinates:?}\nkinetic = \"{}\"\npotential = \"{}\"\n[lagrangian.parameters]\n",
+            from_sympy(&reference["lagrangian"]["T"]),
+            from_sympy(&reference["lagrangian"]["V"]),
+        );
+        for (name, value) in reference["parameters"].as_object().unwrap() {
+            model += &format!("{name} = {value}\n");
+        }
+        let under = Under::new(&model, &[], &coordinates);
+        let mut agreement = Agreement::of(name);
+        under.agrees_at(reference["states"].as_array().unwrap(), &mut agreement);
+    }
+}
