@@ -8,7 +8,7 @@ use approx::assert_relative_eq;
 use lagrange::mechanism::{JointKind, Tree};
 use lagrange::urdf::{self, Options, Urdf};
 use lagrange::{Lagrangian, Role};
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, Matrix3, Point3, Vector3};
 use num_dual::{Dual64, HyperDual64};
 use proptest::prelude::*;
 use serde_json::Value;
@@ -83,7 +83,8 @@ fn agrees(folder: &Path, robot: &str, variant: &str, tolerance: f64) {
     .unwrap();
     let options = Options {
         source: format!("{robot}.urdf"),
-        ignore_mimic: variant == "fixed",
+        ignore_mimic: ["fixed", "planar_coords"].contains(&variant),
+        floating_base: variant == "floating_quat",
         ..Options::default()
     };
     let start = Instant::now();
@@ -98,20 +99,35 @@ fn agrees(folder: &Path, robot: &str, variant: &str, tolerance: f64) {
     }
     let tree = urdf.tree;
     let variant = &json["variants"][variant];
-    let order: Vec<usize> = variant["dof_order"]
+    let names: Vec<&str> = variant["dof_order"]
         .as_array()
         .unwrap()
         .iter()
-        .map(|name| {
-            tree.coordinates()
-                .iter()
-                .position(|c| c.name == name.as_str().unwrap())
-                .unwrap()
-        })
+        .map(|name| name.as_str().unwrap())
         .collect();
+    // Indices in q and v of a reference's coordinate; the base of six degrees of freedom comes first.
+    let at = |name: &str| {
+        let base = ["vx", "vy", "vz", "wx", "wy", "wz"]
+            .iter()
+            .position(|k| name == format!("base_{k}"));
+        let (mut q, mut v) = (0, 0);
+        for c in tree.coordinates() {
+            match base {
+                Some(k) if c.name == "base" => return (None, v + k),
+                None if c.name == name || c.name == name.replace("planar_", "planar.") => {
+                    return (Some(q), v);
+                }
+                _ => (q, v) = (q + c.nq(), v + c.nv()),
+            }
+        }
+        panic!("there is no coordinate {name}")
+    };
+    let order: Vec<usize> = names.iter().map(|name| at(name).1).collect();
+    let positions: Vec<usize> = names.iter().filter_map(|name| at(name).0).collect();
     assert_eq!(order.len(), tree.dof());
-    let arranged = |values: Vec<f64>| {
-        let mut out = vec![0.0; order.len()];
+    let arranged = |order: &[usize], length: usize, values: Vec<f64>| {
+        let mut out = vec![0.0; length];
+        assert_eq!(order.len(), values.len());
         order.iter().zip(values).for_each(|(&i, x)| out[i] = x);
         out
     };
@@ -121,11 +137,15 @@ fn agrees(folder: &Path, robot: &str, variant: &str, tolerance: f64) {
         variant["total_mass_moving"].as_f64().unwrap(),
         max_relative = 1e-12
     );
+    let mut frames = 0;
     for state in variant["states"].as_array().unwrap() {
-        let (q, v) = (
-            arranged(numbers(&state["q"])),
-            arranged(numbers(&state["v"])),
-        );
+        let mut q = arranged(&positions, tree.nq(), numbers(&state["q"]));
+        let v = arranged(&order, tree.nv(), numbers(&state["v"]));
+        if tree.is_floating() {
+            q[..3].copy_from_slice(&numbers(&state["base_position"]));
+            let xyzw = numbers(&state["base_quaternion_xyzw"]);
+            q[3..7].copy_from_slice(&[xyzw[3], xyzw[0], xyzw[1], xyzw[2]]);
+        }
         assert_relative_eq!(
             tree.kinetic(&q, &v),
             state["KE"].as_f64().unwrap(),
@@ -160,8 +180,28 @@ fn agrees(folder: &Path, robot: &str, variant: &str, tolerance: f64) {
                 Vector3::new(p[0], p[1], p[2]),
                 epsilon = 1e-12
             );
+            let rows: Vec<Vec<f64>> = frame["rotation"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .map(numbers)
+                .collect();
+            assert_relative_eq!(
+                pose.rotation.to_rotation_matrix().into_inner(),
+                Matrix3::from_fn(|i, j| rows[i][j]),
+                epsilon = 1e-12
+            );
+            // A point of the link, on a scalar.
+            let point = [0.3, -0.2, 0.1];
+            assert_relative_eq!(
+                Vector3::from(tree.point_position(&q, index, point)),
+                (pose * Point3::from(point)).coords,
+                epsilon = 1e-12
+            );
+            frames += 1;
         }
     }
+    assert!(frames > 0);
 }
 
 #[test]
@@ -181,23 +221,13 @@ fn energies_and_mass_matrix_agree_with_other_engines() {
         ("talos_reduced", "fixed"),
         ("pr2", "fixed"),
         ("pr2", "mimic"),
+        ("stress_tree", "planar_coords"),
+        ("stress_tree", "planar_coords_mimic"),
+        ("solo12", "floating_quat"),
+        ("talos_reduced", "floating_quat"),
     ] {
         agrees(&folder, robot, variant, 1e-10);
     }
-}
-
-#[test]
-fn a_planar_joint_is_refused_by_name_and_type() {
-    let Some(folder) = reference_robots() else {
-        return;
-    };
-    let text = std::fs::read_to_string(folder.join("stress_tree.urdf")).unwrap();
-    let message = refused(&text);
-    eprintln!("SKIPPED: stress_tree has a planar joint: {message}");
-    assert!(
-        message.contains("of type planar, which is not supported yet"),
-        "{message}"
-    );
 }
 
 #[test]
@@ -603,17 +633,6 @@ fn all_problems_come_at_once_with_file_line_and_column() {
 #[test]
 fn options_that_cannot_be_met_are_problems() {
     let text = one_joint("continuous", "");
-    let floating = refused_with(
-        &text,
-        &Options {
-            floating_base: true,
-            ..Options::default()
-        },
-    );
-    assert!(
-        floating.contains("floating base is not supported yet"),
-        "{floating}"
-    );
     let gravity = refused_with(
         &text,
         &Options {
@@ -708,9 +727,13 @@ fn corpus() -> Vec<(&'static str, String, &'static str)> {
         ("negative damping", one_joint("continuous", r#"<dynamics damping="-0.5"/>"#), "its damping is -0.5"),
         ("negative friction", one_joint("continuous", r#"<dynamics friction="-1"/>"#), "its friction is -1"),
         ("unknown type", one_joint("revolut", ""), "did you mean `revolute`?"),
-        ("planar", one_joint("planar", ""), "joint `j` is of type planar, which is not supported yet"),
-        ("floating", one_joint("floating", ""), "joint `j` is of type floating"),
-        ("spherical", one_joint("spherical", ""), "joint `j` is of type spherical"),
+        ("spherical", one_joint("spherical", ""), "joint `j` is of type spherical, which is not in URDF: use three continuous joints"),
+        ("zero normal", one_joint("planar", r#"<axis xyz="0 0 0"/>"#), "joint `j`: the axis is zero"),
+        ("planar mimic", three([joint("j", "planar", "base", "a", &mimic("k")), joint("k", "continuous", "a", "b", ""), joint("l", "fixed", "b", "c", "")]), "joint `j` mimics `k`, but `j` is planar: only joints of one coordinate"),
+        ("mimic of a planar joint", three([joint("j", "continuous", "base", "a", &mimic("k")), joint("k", "planar", "a", "b", ""), joint("l", "fixed", "b", "c", "")]), "joint `j` mimics `k`, but `k` is planar: only joints of one coordinate"),
+        ("mimic of a floating joint", three([joint("j", "continuous", "base", "a", &mimic("k")), joint("k", "floating", "a", "b", ""), joint("l", "fixed", "b", "c", "")]), "joint `j` mimics `k`, but `k` is floating: only joints of one coordinate"),
+        ("coordinate of a planar joint", three([joint("p", "planar", "base", "a", ""), joint("p.theta", "continuous", "a", "b", ""), joint("l", "fixed", "b", "c", "")]), "joint `p.theta` has the name of a coordinate of the planar joint `p`"),
+        ("point mass that floats", one_joint("floating", "").replace(r#""1" ixy"#, r#""0" ixy"#).replace(r#"iyy="1""#, r#"iyy="0""#).replace(r#"izz="1""#, r#"izz="0""#), "joint `j` moves no inertia"),
         ("mimic of nothing", one_joint("continuous", &mimic("k")), "joint `j` mimics `k`, but there is no such joint"),
         ("mimic without joint", one_joint("continuous", "<mimic/>"), "<mimic> lacks the attribute `joint`"),
         ("mimic of itself", one_joint("continuous", &mimic("j")), "joint `j` mimics itself"),

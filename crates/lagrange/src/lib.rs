@@ -111,6 +111,7 @@ mod lanes;
 mod mechanics;
 pub mod mechanism;
 mod scalar;
+pub mod state;
 mod text;
 mod trace;
 mod tree;

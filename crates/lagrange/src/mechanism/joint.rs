@@ -18,17 +18,19 @@ pub struct Joint {
     pub parent: String,
     /// The link that it moves.
     pub child: String,
-    /// Axis of rotation or translation, of length 1, in the joint's frame. Not used by fixed joints.
+    /// Axis of rotation or translation, or normal of the plane, of length 1, in the joint's frame. Not used by fixed and floating
+    /// joints.
     pub axis: Vector3<f64>,
     /// Range and ratings, where given.
     pub limits: Option<Limits>,
-    /// Viscous damping, N·m·s/rad or N·s/m: Q = −damping · v.
+    /// Viscous damping, N·m·s/rad or N·s/m: Q = −damping · v. Without a meaning, and not used, for planar and floating joints.
     pub damping: f64,
     /// Coulomb friction, N·m or N: |Q| at any speed.
     pub friction: f64,
     /// The joint that this one follows, where the model says so (even where it is ignored).
     pub mimic: Option<Mimic>,
-    /// Index of the coordinate that moves it: its own, or its leader's; none for fixed joints.
+    /// Index, among the tree's coordinates, of the one that moves it: its own (the first of three, for a planar joint), or its
+    /// leader's; none for fixed joints.
     pub coordinate: Option<usize>,
     /// d(joint position)/d(coordinate): 1 unless the joint follows another.
     pub ratio: f64,
@@ -57,10 +59,19 @@ pub enum JointKind {
     Continuous,
     /// Translation along the axis.
     Prismatic,
+    /// Displacement in the plane normal to the axis, then rotation about the axis: three coordinates `<joint>.x`, `<joint>.y` (m)
+    /// and `<joint>.theta` (rad).
+    ///
+    /// The displacement is measured on the parent's side, along the joint frame's x and y after the smallest rotation that takes its
+    /// z to the axis: along x and y themselves for the axis z, along −z and y for the axis x, along x and −z for the axis y, along
+    /// x and −y for the axis −z. The velocities are the rates of the coordinates.
+    Planar,
+    /// Any motion: one coordinate entry, with seven numbers in q and six in v (see [`Coordinate::floating`]).
+    Floating,
 }
 
 impl JointKind {
-    /// Whether its coordinate is an angle.
+    /// Whether it has one coordinate, an angle.
     pub fn is_angular(self) -> bool {
         matches!(self, JointKind::Revolute | JointKind::Continuous)
     }
@@ -71,7 +82,16 @@ impl JointKind {
             JointKind::Revolute => "revolute",
             JointKind::Continuous => "continuous",
             JointKind::Prismatic => "prismatic",
+            JointKind::Planar => "planar",
+            JointKind::Floating => "floating",
         }
+    }
+    /// Whether it has one coordinate: whether it can follow another joint and be followed.
+    pub fn is_single(self) -> bool {
+        matches!(
+            self,
+            JointKind::Revolute | JointKind::Continuous | JointKind::Prismatic
+        )
     }
 }
 
@@ -110,44 +130,91 @@ pub(crate) struct JointSpec {
 /// How a joint moves: position = ratio · coordinate + offset.
 #[derive(Clone, Copy)]
 pub(crate) struct Drive {
+    /// Index of its first coordinate, and first indices in q and v.
     pub coordinate: usize,
+    pub q: usize,
+    pub v: usize,
     pub ratio: f64,
     pub offset: f64,
     pub follows: bool,
 }
 
-/// The coordinates in the order of the joints, and what drives each joint; chains of mimics are composed.
+impl Drive {
+    /// By the coordinate that comes after those of `list`.
+    pub fn next(list: &[Coordinate]) -> Self {
+        Drive {
+            coordinate: list.len(),
+            q: list.iter().map(Coordinate::nq).sum(),
+            v: list.iter().map(Coordinate::nv).sum(),
+            ratio: 1.0,
+            offset: 0.0,
+            follows: false,
+        }
+    }
+}
+
+/// The pose of a free body.
+pub(crate) fn pose_of(joint: &str) -> Coordinate {
+    Coordinate {
+        name: joint.to_owned(),
+        joint: joint.to_owned(),
+        angular: false,
+        wraps: false,
+        floating: true,
+    }
+}
+
+/// The coordinates that a joint has when it follows none.
+fn own_coordinates(joint: &Joint) -> Vec<Coordinate> {
+    let single = |suffix: &str, angular: bool, wraps: bool| Coordinate {
+        name: format!("{}{suffix}", joint.name),
+        joint: joint.name.clone(),
+        angular,
+        wraps,
+        floating: false,
+    };
+    match joint.kind {
+        JointKind::Fixed => Vec::new(),
+        JointKind::Revolute => vec![single("", true, false)],
+        JointKind::Continuous => vec![single("", true, true)],
+        JointKind::Prismatic => vec![single("", false, false)],
+        JointKind::Planar => vec![
+            single(".x", false, false),
+            single(".y", false, false),
+            single(".theta", true, true),
+        ],
+        JointKind::Floating => vec![pose_of(&joint.name)],
+    }
+}
+
+/// The coordinates in the order of the joints, after those that there are (a free base), and what drives each joint; chains of mimics
+/// are composed.
 pub(crate) fn coordinates(
+    mut list: Vec<Coordinate>,
     joints: &[JointSpec],
     follow: bool,
 ) -> Result<(Vec<Coordinate>, Vec<Option<Drive>>), Problem> {
     fn followed(joint: &Joint, follow: bool) -> Option<&Mimic> {
-        let moves = joint.kind != JointKind::Fixed;
-        joint.mimic.as_ref().filter(|_| follow && moves)
+        let single = joint.kind.is_single();
+        joint.mimic.as_ref().filter(|_| follow && single)
     }
     let by_name: HashMap<&str, usize> = joints
         .iter()
         .enumerate()
         .map(|(j, spec)| (spec.joint.name.as_str(), j))
         .collect();
-    let mut list = Vec::new();
     let mut drives: Vec<Option<Drive>> = Vec::with_capacity(joints.len());
+    let mut next = Drive::next(&list);
     for JointSpec { joint, .. } in joints {
         let moves = joint.kind != JointKind::Fixed && followed(joint, follow).is_none();
-        drives.push(moves.then_some(Drive {
-            coordinate: list.len(),
-            ratio: 1.0,
-            offset: 0.0,
-            follows: false,
-        }));
+        drives.push(moves.then_some(next));
         if moves {
-            list.push(Coordinate {
-                name: joint.name.clone(),
-                joint: joint.name.clone(),
-                angular: joint.kind.is_angular(),
-                wraps: joint.kind == JointKind::Continuous,
-                floating: false,
-            });
+            for coordinate in own_coordinates(joint) {
+                next.coordinate += 1;
+                next.q += coordinate.nq();
+                next.v += coordinate.nv();
+                list.push(coordinate);
+            }
         }
     }
     for j in 0..joints.len() {
@@ -163,12 +230,13 @@ pub(crate) fn coordinates(
             }
         }
         if steps > 0 {
-            let leader = drives[at].ok_or_else(not_a_tree)?;
+            let single = joints[at].joint.kind.is_single();
+            let leader = drives[at].filter(|_| single).ok_or_else(not_a_tree)?;
             drives[j] = Some(Drive {
-                coordinate: leader.coordinate,
                 ratio: a,
                 offset: b,
                 follows: true,
+                ..leader
             });
         }
     }
@@ -192,8 +260,23 @@ pub(crate) fn z_to(axis: &Vector3<f64>) -> Rotation3<f64> {
     }
 }
 
+/// The smallest rotation that takes z to `axis`, about x for −z; exact where the axis is a coordinate axis.
+pub(crate) fn plane_of(axis: &Vector3<f64>) -> Rotation3<f64> {
+    let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
+    let columns = |x, y| Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[x, y, *axis]));
+    match (axis.x, axis.y, axis.z) {
+        (0.0, 0.0, 1.0) => Rotation3::identity(),
+        (0.0, 0.0, -1.0) => columns(x, -y),
+        (1.0, 0.0, 0.0) => columns(-z, y),
+        (-1.0, 0.0, 0.0) => columns(z, y),
+        (0.0, 1.0, 0.0) => columns(x, -z),
+        (0.0, -1.0, 0.0) => columns(x, z),
+        _ => Rotation3::rotation_between(&z, axis).unwrap_or_else(|| columns(x, -y)),
+    }
+}
+
 pub(crate) fn not_a_tree() -> Problem {
     Problem::general(
-        "the joints do not connect all links to one root as a tree, or a mimic joint has no leader",
+        "the joints do not connect all links to one root as a tree, or a mimic joint has no leader of one coordinate",
     )
 }

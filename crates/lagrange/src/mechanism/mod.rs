@@ -1,7 +1,9 @@
-//! Kinematic trees: rigid bodies joined by joints of one coordinate each.
+//! Kinematic trees: rigid bodies joined by joints.
 
 mod inertia;
 mod joint;
+mod node;
+mod poses;
 mod recursion;
 mod shortcuts;
 mod tree;
@@ -11,4 +13,5 @@ pub use joint::{Joint, JointKind, Limits, Mimic};
 pub use tree::{Body, Link, Tree};
 
 pub(crate) use joint::JointSpec;
-pub(crate) use tree::LinkSpec;
+pub(crate) use node::Freedom;
+pub(crate) use tree::{BASE, LinkSpec};

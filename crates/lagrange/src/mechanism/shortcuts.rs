@@ -1,6 +1,6 @@
 //! What is constant or zero in the recursions by the tree's shape alone.
 
-use super::recursion::{Motion, Node, dot, unrotate};
+use super::node::{Freedom, Motion, Node, dot, unrotate};
 
 /// What the tree's shape says of a body's motion and of gravity in its frame.
 #[derive(Debug, Clone, Default)]
@@ -9,7 +9,7 @@ pub(super) struct Shortcuts {
     pub carried: Spin,
     /// This body's angular velocity.
     pub spin: Spin,
-    /// For a body on one that is on the base: ω and v at the joint, in this frame, per unit of the parent's joint rate.
+    /// For a body on one that is on the base, neither of them free: ω and v at the joint, in this frame, per unit of the parent's joint rate.
     pub by_rate: Option<Motion<f64>>,
     /// Gravity at the joint, in this frame at joint position 0, where nothing below turns it.
     pub gravity: Option<[f64; 3]>,
@@ -41,7 +41,9 @@ impl Shortcuts {
     /// For `node` (with its own shortcuts still at their default, which holds for any motion) on `parent`, or on the world with its gravity.
     pub fn new(node: &Node, parent: Option<&Node>, world_gravity: [f64; 3]) -> Self {
         let by_rate = parent.and_then(|parent| {
-            parent.parent.is_none().then(|| {
+            let free = [parent.freedom, node.freedom].contains(&Freedom::Free);
+            let single = parent.parent.is_none() && !free;
+            single.then(|| {
                 let (w, v) = parent.at_joint_of(node, &parent.joint_motion(1.0));
                 Motion { w, v }
             })
@@ -60,9 +62,10 @@ impl Shortcuts {
         };
         Shortcuts {
             carried,
-            spin: match carried {
-                Spin::None if node.turns => Spin::Axial,
-                spin => spin,
+            spin: match (node.freedom, carried) {
+                (Freedom::Free, _) => Spin::Full,
+                (Freedom::Turn, Spin::None) => Spin::Axial,
+                (_, spin) => spin,
             },
             by_rate,
             gravity: below.map(|g| unrotate(&node.rotation, &g)),

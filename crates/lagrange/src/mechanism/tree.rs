@@ -4,13 +4,13 @@ use std::ops::Range;
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use super::joint::{Drive, JointSpec, coordinates, not_a_tree, z_to};
-use super::recursion::{Node, Rotation};
+use super::joint::{Drive, JointSpec, coordinates, not_a_tree, plane_of, pose_of, z_to};
+use super::node::{Freedom, Node, Rotation};
 use super::shortcuts::Shortcuts;
-use super::{Inertia, Joint};
-use crate::{Coordinate, Error, Lagrangian, Parameter, Problem, Role};
+use super::{Inertia, Joint, JointKind};
+use crate::{Coordinate, Parameter, Problem, Role};
 
-/// A tree of rigid bodies on a fixed base; immutable.
+/// A tree of rigid bodies on a fixed base, or on one that floats; immutable.
 ///
 /// Links that fixed joints weld together are one body; what is welded to the world counts for nothing in T and V. The coordinates
 /// stand in the order of the joints in the source, whatever the tree's topology.
@@ -20,10 +20,16 @@ use crate::{Coordinate, Error, Lagrangian, Parameter, Problem, Role};
 ///
 /// - T = Σ ½ m v·v + v·(ω × h) + ½ ω·I ω, with h = m c and I about the origin, from the base outward:
 ///   ω = Rᵀ ω_parent + z q̇ and v = Rᵀ (v_parent + ω_parent × p) for a rotation about z by q,
-///   ω = Rᵀ ω_parent and v = Rᵀ (v_parent + ω_parent × p) + z q̇ for a translation along z;
+///   ω = Rᵀ ω_parent and v = Rᵀ (v_parent + ω_parent × p) + z q̇ for a translation along z,
+///   ω = Rᵀ ω_parent + ω_joint and v = Rᵀ (v_parent + ω_parent × p) + v_joint for a floating joint;
 /// - V = −Σ m g·p_com, zero at the origin of the world.
 ///
-/// Every body's frame is turned once, at construction, so that its joint's axis is z.
+/// Every body's frame is turned once, at construction, so that its joint's axis is z. A planar joint is two translations and a
+/// rotation, with nothing between them.
+///
+/// Where a joint floats, q is longer than v, and v is not q̇: q holds a quaternion, which is taken as it stands and has to be of
+/// length 1, and v the velocities in the moved body's axes (see [`Coordinate::floating`]). Derivatives of the energies in q and v
+/// do then not make the equations of motion in the way of Lagrange.
 ///
 /// ```
 /// # fn main() -> Result<(), lagrange::Problems> {
@@ -45,11 +51,12 @@ use crate::{Coordinate, Error, Lagrangian, Parameter, Problem, Role};
 #[derive(Debug, Clone)]
 pub struct Tree {
     pub(super) coordinates: Vec<Coordinate>,
-    bodies: Vec<Body>,
+    pub(super) bodies: Vec<Body>,
     joints: Vec<Joint>,
-    links: Vec<Link>,
+    pub(super) links: Vec<Link>,
     pub(crate) parameters: Vec<Parameter>,
     pub(super) gravity: [f64; 3],
+    /// Parents before children.
     pub(crate) nodes: Vec<Node>,
     /// Children of all nodes, one stretch after the other; those of the world first.
     pub(super) children: Vec<usize>,
@@ -66,14 +73,16 @@ pub struct Body {
     pub links: Vec<String>,
     /// Index of the body that carries it; none when that is the world.
     pub parent: Option<usize>,
-    /// Index of its joint.
-    pub joint: usize,
+    /// Index of its joint; none for a base that floats.
+    pub joint: Option<usize>,
     /// Mass, kg.
     pub mass: f64,
     /// Centre of mass in the frame of the link `name`, m.
     pub centre: Vector3<f64>,
     /// Rotational inertia about the centre of mass in the axes of the link `name`, kg·m².
     pub inertia: Matrix3<f64>,
+    /// Index of its node; planar joints have two more.
+    pub(crate) node: usize,
 }
 
 /// A link, and the body that it belongs to.
@@ -85,7 +94,7 @@ pub struct Link {
     /// Index of the body; none when it is welded to the world.
     pub body: Option<usize>,
     /// Pose of the link in the body's frame (the world's, where there is no body).
-    pose: Isometry3<f64>,
+    pub(super) pose: Isometry3<f64>,
 }
 
 /// A link on the way into [`Tree::assemble`]; its inertia is in its own frame.
@@ -94,15 +103,21 @@ pub(crate) struct LinkSpec {
     pub inertia: Inertia,
 }
 
+/// The coordinate of a base that floats.
+pub(crate) const BASE: &str = "base";
+
 impl Tree {
-    /// The tree of `links` and `joints`, in the order of the source. `follow`: mimic joints take their leader's coordinate.
+    /// The tree of `links` and `joints`, in the order of the source. `floats`: the root link is free. `follow`: mimic joints take
+    /// their leader's coordinate.
     pub(crate) fn assemble(
         links: &[LinkSpec],
         joints: &[JointSpec],
         gravity: [f64; 3],
+        floats: bool,
         follow: bool,
     ) -> Result<Tree, Problem> {
-        let (coordinates, drives) = coordinates(joints, follow)?;
+        let base: Vec<Coordinate> = floats.then(|| pose_of(BASE)).into_iter().collect();
+        let (coordinates, drives) = coordinates(base, joints, follow)?;
 
         // The joints that leave every link, and the one link that no joint moves.
         let mut leaving = vec![Vec::new(); links.len()];
@@ -123,16 +138,23 @@ impl Tree {
         let mut seeds: Vec<Seed> = Vec::new();
         let mut pending = vec![(root, None, None, Isometry3::identity())];
         while let Some((link, by, parent, frame)) = pending.pop() {
-            let drive = by.and_then(|j: usize| drives[j].map(|drive| (j, drive)));
+            let drive = match by {
+                Some(j) => drives.get(j).copied().flatten(),
+                None => floats.then(|| Drive::next(&[])),
+            };
             let (body, pose) = match drive {
                 // Welded to what carries it: `frame` is its pose there.
                 None => (parent, frame),
                 // Moved: a new body, whose frame has z along the axis.
-                Some((joint, drive)) => {
-                    let (turn, rotation) = axes(&frame.rotation, &joints[joint].joint.axis);
+                Some(drive) => {
+                    let joint = by.map(|j: usize| &joints[j].joint);
+                    let kind = joint.map_or(JointKind::Floating, |joint| joint.kind);
+                    let axis = joint.map_or(Vector3::z(), |joint| joint.axis);
+                    let (turn, rotation) = axes(kind, &frame.rotation, &axis);
                     seeds.push(Seed {
                         parent,
-                        joint,
+                        joint: by,
+                        kind,
                         drive,
                         rotation,
                         translation: frame.translation.vector,
@@ -201,24 +223,18 @@ impl Tree {
             });
             self.parameters.len() - 1
         });
-        let in_link = seed.inertia.rotated(seed.turn.matrix());
-        self.bodies.push(Body {
-            name,
-            links: names,
-            parent: seed.parent,
-            joint: seed.joint,
-            mass: in_link.mass,
-            centre: in_link.centre(),
-            inertia: in_link.rotational_about_centre(),
-        });
-        let i = &seed.inertia.rotational;
-        let p = seed.translation;
+        let (i, p) = (&seed.inertia.rotational, seed.translation);
         let mut node = Node {
-            parent: seed.parent,
+            parent: seed.parent.and_then(|p| self.bodies.get(p)).map(|b| b.node),
             rotation: transposed_rows(&seed.rotation),
             translation: (p != Vector3::zeros()).then_some([p.x, p.y, p.z]),
-            turns: self.joints[seed.joint].kind.is_angular(),
-            coordinate: seed.drive.coordinate,
+            freedom: match seed.kind {
+                JointKind::Floating => Freedom::Free,
+                JointKind::Prismatic => Freedom::Slide,
+                _ => Freedom::Turn,
+            },
+            q: seed.drive.q,
+            v: seed.drive.v,
             follow: (seed.drive.follows).then_some((seed.drive.ratio, seed.drive.offset)),
             mass: seed.inertia.mass,
             moment: seed.inertia.moment.into(),
@@ -234,7 +250,48 @@ impl Tree {
             children: 0..0,
             short: Shortcuts::default(),
         };
-        let parent = seed.parent.and_then(|p| self.nodes.get(p));
+        if seed.kind == JointKind::Planar {
+            // Along x and along y first: every frame has the axes y, z, x of the one before, and three such turns undo each other.
+            let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
+            let turn = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[y, z, x]));
+            for rotation in [seed.rotation * turn, turn] {
+                self.push_node(Node {
+                    parent: node.parent,
+                    rotation: transposed_rows(&rotation),
+                    translation: node.translation.take(),
+                    freedom: Freedom::Slide,
+                    q: node.q,
+                    v: node.v,
+                    follow: None,
+                    mass: 0.0,
+                    moment: [0.0; 3],
+                    inertia: [0.0; 6],
+                    parameter: None,
+                    children: 0..0,
+                    short: Shortcuts::default(),
+                });
+                node.parent = Some(self.nodes.len() - 1);
+                node.q += 1;
+                node.v += 1;
+            }
+            node.rotation = transposed_rows(&turn);
+        }
+        self.push_node(node);
+        let in_link = seed.inertia.rotated(seed.turn.matrix());
+        self.bodies.push(Body {
+            name,
+            links: names,
+            parent: seed.parent,
+            joint: seed.joint,
+            mass: in_link.mass,
+            centre: in_link.centre(),
+            inertia: in_link.rotational_about_centre(),
+            node: self.nodes.len() - 1,
+        });
+    }
+
+    fn push_node(&mut self, mut node: Node) {
+        let parent = node.parent.and_then(|p| self.nodes.get(p));
         node.short = Shortcuts::new(&node, parent, self.gravity);
         self.nodes.push(node);
     }
@@ -282,60 +339,29 @@ impl Tree {
     pub fn links(&self) -> &[Link] {
         &self.links
     }
+    /// Whether a joint, or the base, floats: q is then longer than v.
+    pub fn is_floating(&self) -> bool {
+        self.coordinates.iter().any(|c| c.floating)
+    }
+    /// Length of q.
+    pub fn nq(&self) -> usize {
+        self.coordinates.iter().map(Coordinate::nq).sum()
+    }
+    /// Length of v: the degrees of freedom.
+    pub fn nv(&self) -> usize {
+        self.coordinates.iter().map(Coordinate::nv).sum()
+    }
     /// Acceleration of free fall in the world's frame, m/s².
     pub fn gravity(&self) -> [f64; 3] {
         self.gravity
-    }
-
-    /// The pose of every link in the world at `q`, in the order of [`links`](Self::links).
-    ///
-    /// # Errors
-    /// When `q` has the wrong length or an entry that is not finite.
-    pub fn link_poses(&self, q: &[f64]) -> Result<Vec<Isometry3<f64>>, Error> {
-        if q.len() != self.dof() {
-            return Err(Error::Dimension {
-                what: "q",
-                found: q.len(),
-                expected: self.dof(),
-            });
-        }
-        if let Some(index) = q.iter().position(|x| !x.is_finite()) {
-            return Err(Error::NotFinite {
-                what: "q",
-                index,
-                value: q[index],
-            });
-        }
-        let mut poses: Vec<Isometry3<f64>> = Vec::with_capacity(self.nodes.len());
-        for node in &self.nodes {
-            let parent = node.parent.map_or(Isometry3::identity(), |p| poses[p]);
-            let rotation = node.rotation.map_or(Rotation3::identity(), |rows| {
-                Rotation3::from_matrix_unchecked(Matrix3::from(rows))
-            });
-            let at_zero = Isometry3::from_parts(
-                Translation3::from(Vector3::from(node.translation.unwrap_or_default())),
-                UnitQuaternion::from_rotation_matrix(&rotation),
-            );
-            let z = Vector3::z() * node.position(q);
-            let motion = if node.turns {
-                Isometry3::rotation(z)
-            } else {
-                Isometry3::from_parts(Translation3::from(z), UnitQuaternion::identity())
-            };
-            poses.push(parent * at_zero * motion);
-        }
-        Ok(self
-            .links
-            .iter()
-            .map(|link| link.body.map_or(link.pose, |b| poses[b] * link.pose))
-            .collect())
     }
 }
 
 /// A body under construction: its frame has z along the axis, in which all of this is given.
 struct Seed {
     parent: Option<usize>,
-    joint: usize,
+    joint: Option<usize>,
+    kind: JointKind,
     drive: Drive,
     /// Pose at joint position 0, in the parent body's frame.
     rotation: Rotation3<f64>,
@@ -347,14 +373,23 @@ struct Seed {
 }
 
 /// The rotations of a body's frame with z along `axis`, in its link's frame and in the frame that carries it, in which the link is
-/// turned by `link`. An axis parallel to z there (to rounding) leaves the frame as it is.
-fn axes(link: &UnitQuaternion<f64>, axis: &Vector3<f64>) -> (Rotation3<f64>, Rotation3<f64>) {
+/// turned by `link`. For a joint of one coordinate, an axis parallel to z there (to rounding) leaves the frame as it is; the body of
+/// a floating joint keeps its link's frame.
+fn axes(
+    kind: JointKind,
+    link: &UnitQuaternion<f64>,
+    axis: &Vector3<f64>,
+) -> (Rotation3<f64>, Rotation3<f64>) {
     let link = link.to_rotation_matrix();
     let carried = link * axis;
-    if carried.z > 0.0 && carried.x.abs() <= 1e-15 && carried.y.abs() <= 1e-15 {
-        return (link.inverse(), Rotation3::identity());
-    }
-    let turn = z_to(axis);
+    let turn = match kind {
+        JointKind::Floating => Rotation3::identity(),
+        JointKind::Planar => plane_of(axis),
+        _ if carried.z > 0.0 && carried.x.abs() <= 1e-15 && carried.y.abs() <= 1e-15 => {
+            return (link.inverse(), Rotation3::identity());
+        }
+        _ => z_to(axis),
+    };
     (turn, link * turn)
 }
 

@@ -1,26 +1,7 @@
 //! A tree laid out for the algorithms: bodies and degrees of freedom, parents first.
 
+pub(crate) use crate::mechanism::Freedom;
 use crate::mechanism::Tree;
-
-/// What joins a body to its parent; the body's frame has z along the axis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Freedom {
-    /// Rotation about z.
-    Turn,
-    /// Translation along z.
-    Slide,
-    /// Any motion: q is position and unit quaternion w x y z, v the velocities in the body's axes, linear first.
-    Free,
-}
-
-impl Freedom {
-    pub fn dof(self) -> usize {
-        match self {
-            Freedom::Turn | Freedom::Slide => 1,
-            Freedom::Free => 6,
-        }
-    }
-}
 
 #[derive(Debug, Clone)]
 pub struct Body {
@@ -92,11 +73,7 @@ impl Plan {
             floating: false,
         };
         for node in &tree.nodes {
-            let freedom = if node.turns {
-                Freedom::Turn
-            } else {
-                Freedom::Slide
-            };
+            let freedom = node.freedom;
             let (ratio, offset) = node.follow.unwrap_or((1.0, 0.0));
             plan.independent &= node.follow.is_none();
             let [xx, yy, zz, xy, xz, yz] = node.inertia;
@@ -110,7 +87,7 @@ impl Plan {
                 plan.dofs.push(Dof {
                     body: plan.bodies.len(),
                     above,
-                    v: node.coordinate + k,
+                    v: node.v + k,
                     ratio,
                 });
                 above = Some(first + k);
@@ -124,8 +101,8 @@ impl Plan {
                 ]),
                 translation: node.translation.unwrap_or_default(),
                 freedom,
-                q: node.coordinate,
-                v: node.coordinate,
+                q: node.q,
+                v: node.v,
                 ratio,
                 offset,
                 mass: node.mass,

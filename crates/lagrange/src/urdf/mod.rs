@@ -1,7 +1,7 @@
 //! URDF, the robot description format of ROS: a text becomes a [`Tree`], or a list of all that is wrong with it.
 //!
-//! Read are links with their inertia and joints of the types fixed, revolute, continuous and prismatic, with mimic, limits and
-//! `<dynamics>`. Shapes are not needed and meshes are never opened. No file is read and no program is run: xacro files have to be
+//! Read are links with their inertia and joints of the types fixed, revolute, continuous, prismatic, planar and floating, with
+//! mimic, limits and `<dynamics>`. Shapes are not needed and meshes are never opened. No file is read and no program is run: xacro files have to be
 //! expanded first.
 
 mod read;
@@ -19,7 +19,7 @@ pub struct Options {
     pub source: String,
     /// Acceleration of free fall in the frame of the root link, m/s².
     pub gravity: [f64; 3],
-    /// Whether the root link is free to move. Not supported yet: a problem when set.
+    /// Whether the root link is free to move: its pose is then the first coordinate, `base`, and its mass counts.
     pub floating_base: bool,
     /// Whether mimic joints are independent instead of following their leader.
     pub ignore_mimic: bool,
@@ -54,13 +54,13 @@ pub struct Urdf {
     pub joint_dynamics: Vec<JointDynamics>,
 }
 
-/// Friction of a joint: Q = −damping · v − friction · sign v, along the joint.
+/// Friction of a joint of one coordinate: Q = −damping · v − friction · sign v, along the joint.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct JointDynamics {
     /// The joint.
     pub joint: String,
-    /// Index of the coordinate that moves it.
+    /// Index, among the tree's coordinates, of the one that moves it.
     pub coordinate: usize,
     /// d(joint position)/d(coordinate): 1 unless the joint follows another. Along the coordinate, the damping counts ratio² times
     /// and the friction |ratio| times.

@@ -11,9 +11,6 @@ use crate::{Lagrangian, Problem};
 pub fn read(text: &str, options: &Options) -> Result<Urdf, Vec<Problem>> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let mut report = Report::new(text);
-    if options.floating_base {
-        report.error(0, "a floating base is not supported yet: use base = \"fixed\", or connect the root to a world link by single joints");
-    }
     if options.gravity.iter().any(|g| !g.is_finite()) {
         report.error(
             0,
@@ -105,7 +102,8 @@ fn tree(robot: &urdf_rs::Robot, source: &Source, options: &Options) -> Result<Tr
             })
         })
         .collect::<Result<_, Problem>>()?;
-    Tree::assemble(&links, &joints, options.gravity, !options.ignore_mimic)
+    let (floats, follow) = (options.floating_base, !options.ignore_mimic);
+    Tree::assemble(&links, &joints, options.gravity, floats, follow)
 }
 
 /// Roll, pitch, yaw about the fixed axes x, y, z.
@@ -133,9 +131,11 @@ fn joint(joint: &urdf_rs::Joint, has_limit: bool) -> Result<Joint, Problem> {
         urdf_rs::JointType::Revolute => JointKind::Revolute,
         urdf_rs::JointType::Continuous => JointKind::Continuous,
         urdf_rs::JointType::Prismatic => JointKind::Prismatic,
-        _ => {
+        urdf_rs::JointType::Planar => JointKind::Planar,
+        urdf_rs::JointType::Floating => JointKind::Floating,
+        urdf_rs::JointType::Spherical => {
             return Err(Problem::general(format!(
-                "joint {} is of a type that is not supported yet",
+                "joint {} is spherical, which is not read",
                 shown(&joint.name)
             )));
         }
@@ -178,28 +178,36 @@ fn joint(joint: &urdf_rs::Joint, has_limit: bool) -> Result<Joint, Problem> {
 
 /// Reports coordinates along which nothing has inertia, wherever the mechanism stands: point masses on the axis.
 fn still(tree: &Tree, source: &Source, report: &mut Report) {
-    let n = tree.dof();
+    let n = tree.nv();
     // The test costs n evaluations of T; large trees are left to the mass matrix's own check.
     if n > 256 {
         return;
     }
-    let q: Vec<f64> = (0..n).map(|i| 0.3 + 0.7 * (i as f64 * 1.7).sin()).collect();
-    for (i, coordinate) in tree.coordinates().iter().enumerate() {
-        let v: Vec<f64> = (0..n).map(|j| f64::from(u8::from(i == j))).collect();
-        let energy = tree.kinetic(&q, &v);
-        if energy > 0.0 {
-            continue;
-        }
+    let mut q: Vec<f64> = (0..tree.nq())
+        .map(|i| 0.3 + 0.7 * (i as f64 * 1.7).sin())
+        .collect();
+    crate::state::normalize(tree.coordinates(), &mut q);
+    let mut first = 0;
+    for coordinate in tree.coordinates() {
+        let own = first..first + coordinate.nv();
+        first = own.end;
+        let energy = own
+            .map(|i| {
+                let v: Vec<f64> = (0..n).map(|j| f64::from(u8::from(i == j))).collect();
+                tree.kinetic(&q, &v)
+            })
+            .find(|energy| !(*energy > 0.0 && energy.is_finite()));
+        let Some(energy) = energy else { continue };
         let at = source
             .joints
             .iter()
             .find(|j| j.name.value == coordinate.joint)
-            .map_or(0, |j| j.name.at);
-        let name = shown(&coordinate.joint);
+            .map(|j| (j.name.at, format!("joint {}", shown(&coordinate.joint))));
+        let (at, what) = at.unwrap_or((0, "the floating base".to_owned()));
         report.error(at, if energy.is_finite() {
-            format!("joint {name} moves no inertia, all mass that it turns lies on its axis: there is nothing to accelerate; give the links an inertia")
+            format!("{what} moves no inertia, all mass that it turns lies on its axis: there is nothing to accelerate; give the links an inertia")
         } else {
-            format!("joint {name}: the kinetic energy overflows; masses, inertias or lengths are too large")
+            format!("{what}: the kinetic energy overflows; masses, inertias or lengths are too large")
         });
     }
 }
@@ -207,6 +215,7 @@ fn still(tree: &Tree, source: &Source, report: &mut Report) {
 fn joint_dynamics(tree: &Tree) -> Vec<JointDynamics> {
     tree.joints()
         .iter()
+        .filter(|joint| joint.kind.is_single())
         .filter(|joint| joint.damping != 0.0 || joint.friction != 0.0)
         .filter_map(|joint| {
             Some(JointDynamics {

@@ -6,6 +6,7 @@ use nalgebra::Matrix3;
 
 use super::Options;
 use super::source::{At, InertialText, JointText, Report, Source, shown};
+use crate::mechanism::BASE;
 
 /// Reports all that is wrong with the links and joints, and all that looks wrong.
 pub fn validate(source: &Source, options: &Options, report: &mut Report) {
@@ -19,7 +20,8 @@ pub fn validate(source: &Source, options: &Options, report: &mut Report) {
     }
     let links = Names::of("link", source.links.iter().map(|l| &l.name), report);
     let joints = Names::of("joint", source.joints.iter().map(|j| &j.name), report);
-    mimics(source, &joints, report);
+    mimics(source, &joints, !options.ignore_mimic, report);
+    coordinate_names(source, options.floating_base, report);
     if source.links.is_empty() {
         report.error(0, "<robot> has no <link>: there is nothing to move");
     } else if let Some(shape) = shape(source, &links, report) {
@@ -152,7 +154,25 @@ fn inertia(link: &str, inertial: &InertialText, strict: bool, report: &mut Repor
 }
 
 /// Joint types that are read.
-const READ: [&str; 4] = ["revolute", "continuous", "prismatic", "fixed"];
+const READ: [&str; 6] = [
+    "revolute",
+    "continuous",
+    "prismatic",
+    "fixed",
+    "planar",
+    "floating",
+];
+
+/// Types whose joints have one coordinate: they can follow another joint and be followed.
+const SINGLE: [&str; 3] = ["revolute", "continuous", "prismatic"];
+
+fn is_single(joint: &JointText) -> bool {
+    // A type that is not read is reported already.
+    joint
+        .kind
+        .as_ref()
+        .is_none_or(|k| SINGLE.contains(&k.value.as_str()) || !READ.contains(&k.value.as_str()))
+}
 
 fn is_moving(joint: &JointText) -> bool {
     joint.kind.as_ref().is_some_and(|k| k.value != "fixed")
@@ -164,20 +184,16 @@ fn motion(joint: &JointText, report: &mut Report) {
     let Some(kind) = &joint.kind else {
         return; // reported where it was read
     };
-    let instead = match kind.value.as_str() {
-        "planar" => {
-            Some("two prismatic joints and a continuous one, with links without mass between them")
-        }
-        "floating" => Some(
-            "three prismatic joints and three continuous ones, with links without mass between them",
+    match kind.value.as_str() {
+        known if READ.contains(&known) => {}
+        "spherical" => report.error(
+            kind.at,
+            format!(
+                "joint {name} is of type spherical, which is not in URDF: use three continuous joints, with links without mass between them"
+            ),
         ),
-        "spherical" => Some("three continuous joints, with links without mass between them"),
-        known if READ.contains(&known) => None,
         other => {
-            let hint = nearest(
-                other,
-                READ.into_iter().chain(["planar", "floating", "spherical"]),
-            );
+            let hint = nearest(other, READ.into_iter());
             report.error(
                 kind.at,
                 format!(
@@ -185,20 +201,11 @@ fn motion(joint: &JointText, report: &mut Report) {
                     shown(other)
                 ),
             );
-            None
         }
-    };
-    if let Some(instead) = instead {
-        report.error(
-            kind.at,
-            format!(
-                "joint {name} is of type {}, which is not supported yet: use {instead}",
-                kind.value
-            ),
-        );
     }
     if let Some(axis) = &joint.axis
         && is_moving(joint)
+        && kind.value != "floating"
     {
         let length = axis.value.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
         if length == 0.0 {
@@ -217,7 +224,24 @@ fn motion(joint: &JointText, report: &mut Report) {
             Some(_) => {}
         }
     }
+    if kind.value == "planar" && joint.axis.is_none() {
+        report.warning(
+            joint.name.at,
+            format!(
+                "joint {name} is planar but has no <axis>: its plane is normal to x, as URDF has it"
+            ),
+        );
+    }
     if let Some(dynamics) = &joint.dynamics {
+        if is_moving(joint) && !is_single(joint) && dynamics.value != [0.0; 2] {
+            report.warning(
+                dynamics.at,
+                format!(
+                    "joint {name} is {}: its <dynamics> is not used, one damping has no meaning for several coordinates",
+                    kind.value
+                ),
+            );
+        }
         for (what, value) in ["damping", "friction"].iter().zip(dynamics.value) {
             if value < 0.0 {
                 report.error(
@@ -230,7 +254,7 @@ fn motion(joint: &JointText, report: &mut Report) {
 }
 
 /// Leaders exist, move, and are not led by their followers.
-fn mimics(source: &Source, joints: &Names, report: &mut Report) {
+fn mimics(source: &Source, joints: &Names, follow: bool, report: &mut Report) {
     let leader = |j: usize| -> Option<usize> {
         let mimic = source.joints.get(j)?.mimic.as_ref()?;
         joints.get(&mimic.value.0)
@@ -267,6 +291,19 @@ fn mimics(source: &Source, joints: &Names, report: &mut Report) {
         if source.joints.get(first).is_some_and(|l| !is_moving(l)) {
             report.error(mimic.at, format!("joint {name} mimics {}, which is fixed: make {name} fixed too, or name a joint that moves", shown(followed)));
         }
+        for single in [Some(joint), source.joints.get(first)]
+            .into_iter()
+            .flatten()
+        {
+            if !follow || is_single(single) || !is_moving(single) {
+                continue;
+            }
+            let (other, kind) = (shown(&single.name.value), single.kind.as_ref());
+            report.error(mimic.at, format!(
+                "joint {name} mimics {}, but {other} is {}: only joints of one coordinate, revolute, continuous and prismatic ones, can follow and be followed; remove <mimic>, or ignore mimic joints",
+                shown(followed), kind.map_or("", |k| &k.value)
+            ));
+        }
         // Up the chain; a cycle is reported once, at the first joint of it in the text.
         let mut chain = vec![j];
         let mut seen = HashSet::from([j]);
@@ -285,6 +322,36 @@ fn mimics(source: &Source, joints: &Names, report: &mut Report) {
             at = leader(next);
         }
         settled.extend(chain);
+    }
+}
+
+/// Coordinates take their names from the joints: those of a planar joint, and of a base that floats, must be left to them.
+fn coordinate_names(source: &Source, floating_base: bool, report: &mut Report) {
+    let moving = |name: &str| {
+        let found = source.joints.iter().filter(|j| is_moving(j));
+        found.into_iter().find(|j| j.name.value == name)
+    };
+    if floating_base && let Some(joint) = moving(BASE) {
+        report.error(
+            joint.name.at,
+            format!("joint `{BASE}` has the name of the floating base's coordinates: give it another one, or read the file with a fixed base"),
+        );
+    }
+    let planar = |joint: &&JointText| joint.kind.as_ref().is_some_and(|k| k.value == "planar");
+    for joint in source.joints.iter().filter(planar) {
+        for suffix in [".x", ".y", ".theta"] {
+            let name = format!("{}{suffix}", joint.name.value);
+            if let Some(other) = moving(&name) {
+                report.error(
+                    other.name.at,
+                    format!(
+                        "joint {} has the name of a coordinate of the planar joint {}: give it another one",
+                        shown(&name),
+                        shown(&joint.name.value)
+                    ),
+                );
+            }
+        }
     }
 }
 
@@ -450,6 +517,22 @@ fn masses(source: &Source, shape: &Shape, joints: &Names, options: &Options, rep
     for &link in shape.outward.iter().rev() {
         if let Some(parent) = shape.parent[link] {
             massive[parent] |= massive[link];
+        }
+    }
+    if options.floating_base
+        && let Some(&root) = shape.outward.first()
+        && let Some(link) = source.links.get(root)
+    {
+        let name = shown(&link.name.value);
+        if !massive[root] {
+            report.error(link.name.at, format!(
+                "the root link {name} floats, but it has no mass, nor has anything that it carries: there is nothing to accelerate; give it an <inertial> with a mass"
+            ));
+        } else if link.inertial.is_none() {
+            report.warning(
+                link.name.at,
+                format!("the root link {name} floats but has no <inertial>: it counts as massless"),
+            );
         }
     }
     // A coordinate moves what its joint moves and what the joints that follow it move.
