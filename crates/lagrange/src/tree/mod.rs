@@ -25,8 +25,10 @@ mod kernels;
 mod matrices;
 mod plan;
 mod state;
-mod vector;
+pub mod vector;
 
 pub use dispatch::Machine;
 pub use engine::Engine;
 pub use kernels::At;
+pub use plan::{Freedom, Plan};
+pub use state::{State, quaternion};
