@@ -502,9 +502,10 @@ impl<L: Lagrangian> Dynamics<L> {
             mass = reference::equations_with(&self.lagrangian, q, v, p).mass_matrix;
         }
         // The smallest leading block without a Cholesky factor names the coordinate.
-        let pivot = (0..n)
-            .find(|&k| Cholesky::new(mass.view((0, 0), (k + 1, k + 1)).into_owned()).is_none())
-            .unwrap_or(n.saturating_sub(1));
+        let leading = |k: &usize| mass.view((0, 0), (k + 1, k + 1)).into_owned();
+        let Some(pivot) = (0..n).find(|k| Cholesky::new(leading(k)).is_none()) else {
+            return Error::AccelerationNotFinite { q: q.to_vec() };
+        };
         Error::SingularMassMatrix {
             q: q.to_vec(),
             pivot,

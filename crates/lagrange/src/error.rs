@@ -107,6 +107,15 @@ pub enum Error {
         /// The pivot's value, kg or kg·m².
         value: f64,
     },
+    /// The mass matrix is sound and the acceleration is not a number.
+    #[error(
+        "the acceleration at q = {q:?} is NaN or infinite, though the mass matrix is sound: the generalized force holds a NaN or \
+         an infinity, or it or the velocities are too large"
+    )]
+    AccelerationNotFinite {
+        /// The configuration.
+        q: Vec<f64>,
+    },
     /// A vector has the wrong length.
     #[error("{what} has {found} entries, this mechanism takes {expected}")]
     Dimension {

@@ -30,5 +30,6 @@ pub mod vector;
 pub use dispatch::Machine;
 pub use engine::Engine;
 pub use kernels::At;
-pub use plan::{Freedom, Plan};
+pub(crate) use plan::Freedom;
+pub use plan::Plan;
 pub use state::{State, quaternion};

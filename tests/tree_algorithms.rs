@@ -1,0 +1,424 @@
+//! The algorithms for trees against Euler–Lagrange by dual numbers, on random trees of one to forty joints: planar joints among them,
+//! on a fixed base and on a floating one.
+#![allow(clippy::unwrap_used, clippy::panic)] // helpers of tests
+
+mod common {
+    pub mod load;
+    pub mod random_tree;
+}
+
+use common::load::tree;
+use common::random_tree::{RandomBody, body, urdf};
+use lagrange::equations::adjoint;
+use lagrange::mechanism::Tree;
+use lagrange::urdf::Options;
+use lagrange::{
+    Coordinate, Dynamics, ForwardDynamicsDerivatives, InverseDynamicsDerivatives, LANES,
+    Lagrangian, Mechanics, state,
+};
+use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion, Vector3};
+use num_dual::Dual64;
+use proptest::collection::vec;
+use proptest::prelude::*;
+
+const MOST: usize = 40;
+
+struct Case {
+    text: String,
+    mechanics: Dynamics<Tree>,
+    q: Vec<f64>,
+    v: Vec<f64>,
+    a: Vec<f64>,
+    /// Largest entry of M.
+    mass: f64,
+    /// The size of a force's terms, N: what rounding is measured by.
+    force: f64,
+    /// The mechanism's reach, m: of what a link's displacement by a joint is made.
+    reach: f64,
+}
+
+fn case(most: usize) -> impl Strategy<Value = Case> {
+    let joints = &["revolute", "continuous", "prismatic", "revolute", "planar"];
+    (vec(body(joints), 1..=most), any::<bool>()).prop_flat_map(|(bodies, floating)| {
+        // A planar joint has three coordinates, the base seven.
+        let n = 3 * bodies.len() + 7;
+        let state = (vec(-3.0..3.0, n), vec(-2.0..2.0, n), vec(-5.0..5.0, n));
+        (Just((bodies, floating)), state)
+            .prop_map(|((bodies, floating), state)| new_case(&bodies, floating, state))
+    })
+}
+
+fn new_case(
+    bodies: &[RandomBody],
+    floating: bool,
+    (mut q, mut v, mut a): (Vec<f64>, Vec<f64>, Vec<f64>),
+) -> Case {
+    // A floating base has mass.
+    let root = r#"<link name="l0"><inertial><mass value="4"/>
+      <inertia ixx="0.1" ixy="0.01" ixz="0" iyy="0.15" iyz="0" izz="0.12"/></inertial></link>"#;
+    let text = match floating {
+        true => urdf(bodies).replace("<link name=\"l0\"/>", root),
+        false => urdf(bodies),
+    };
+    let mechanics = tree(
+        &text,
+        &Options {
+            floating_base: floating,
+            ..Options::default()
+        },
+    );
+    q.truncate(mechanics.nq());
+    v.truncate(mechanics.nv());
+    a.truncate(mechanics.nv());
+    let coordinates = mechanics.coordinates();
+    state::normalize(coordinates, &mut q);
+    let mass = mechanics.mass_matrix(&q).unwrap().amax();
+    let amax = |x: &[f64]| x.iter().fold(1.0_f64, |m, x| m.max(x.abs()));
+    let bias = mechanics.bias_force(&q, &v).unwrap().amax();
+    let gravity = mechanics.gravity_force(&q).unwrap().amax();
+    let force = mass * (amax(&v).powi(2) + amax(&a)) + bias + gravity;
+    Case {
+        text,
+        reach: 1.0 + 3.0 * bodies.len() as f64,
+        mechanics,
+        q,
+        v,
+        a,
+        mass,
+        force,
+    }
+}
+
+impl std::fmt::Debug for Case {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (q, v, a) = (&self.q, &self.v, &self.a);
+        let joints = self.mechanics.lagrangian().joints();
+        write!(f, "q = {q:?}, v = {v:?}, a = {a:?}, {joints:#?}")
+    }
+}
+
+impl Case {
+    fn tree(&self) -> &Tree {
+        self.mechanics.lagrangian()
+    }
+    fn floats(&self) -> bool {
+        self.mechanics.coordinates().iter().any(|c| c.floating)
+    }
+}
+
+/// q̇: velocities, and for a pose its rates, R u and ½ (w, r) ∘ (0, ω).
+fn position_rate(coordinates: &[Coordinate], q: &[f64], v: &[f64]) -> Vec<f64> {
+    let mut rate = Vec::new();
+    let mut first = 0;
+    for coordinate in coordinates {
+        let at = rate.len();
+        if coordinate.floating {
+            let turn = Quaternion::new(q[at + 3], q[at + 4], q[at + 5], q[at + 6]);
+            let v = &v[first..first + 6];
+            let linear = UnitQuaternion::new_normalize(turn) * Vector3::new(v[0], v[1], v[2]);
+            let turning = turn * Quaternion::new(0.0, v[3], v[4], v[5]) * 0.5;
+            rate.extend(linear.iter());
+            rate.extend([turning.w, turning.i, turning.j, turning.k]);
+        } else {
+            rate.push(v[first]);
+        }
+        first += coordinate.nv();
+    }
+    rate
+}
+
+/// |x − y| ≤ tolerance · scale, entry by entry; NaN fails.
+fn close(what: &str, x: &[f64], y: &[f64], tolerance: f64) -> Result<(), TestCaseError> {
+    prop_assert_eq!(x.len(), y.len());
+    for (i, (x, y)) in x.iter().zip(y).enumerate() {
+        prop_assert!(
+            (x - y).abs() <= tolerance,
+            "{}: entry {} is {} against {}, tolerance {:e}",
+            what,
+            i,
+            x,
+            y,
+            tolerance
+        );
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 60, ..ProptestConfig::default() })]
+
+    #[test]
+    fn the_mass_matrix_is_the_second_derivative_of_the_kinetic_energy(case in case(MOST)) {
+        let n = case.mechanics.nv();
+        let mass = case.mechanics.mass_matrix(&case.q).unwrap();
+        // ∂T/∂v_i at v = e_j.
+        let q: Vec<Dual64> = case.q.iter().map(|&x| x.into()).collect();
+        let by_t = DMatrix::from_fn(n, n, |i, j| {
+            let v: Vec<Dual64> = (0..n)
+                .map(|k| Dual64::new(f64::from(u8::from(k == j)), f64::from(u8::from(k == i))))
+                .collect();
+            case.tree().kinetic(&q, &v).eps
+        });
+        close("M", mass.as_slice(), by_t.as_slice(), 1e-13 * case.reach * case.mass)?;
+    }
+
+    #[test]
+    fn gravity_is_the_slope_of_the_potential_energy(case in case(MOST)) {
+        let n = case.mechanics.nv();
+        let gravity = case.mechanics.gravity_force(&case.q).unwrap();
+        let coordinates = case.mechanics.coordinates();
+        let slope: Vec<f64> = (0..n).map(|i| {
+            let mut along = vec![0.0; n];
+            along[i] = 1.0;
+            let rate = position_rate(coordinates, &case.q, &along);
+            let q: Vec<Dual64> = case.q.iter().zip(&rate).map(|(&q, &r)| Dual64::new(q, r)).collect();
+            case.tree().potential(&q).eps
+        }).collect();
+        close("G", gravity.as_slice(), &slope, 1e-13 * case.reach * case.force)?;
+    }
+
+    #[test]
+    fn inverse_dynamics_is_euler_lagrange_by_the_adjoint(case in case(MOST)) {
+        let Case { q, v, a, .. } = &case;
+        let recursion = case.mechanics.inverse_dynamics(q, v, a).unwrap();
+        let adjoint = adjoint::inverse_dynamics(case.tree(), q, v, a).unwrap();
+        close("Q", recursion.as_slice(), adjoint.as_slice(), 1e-13 * case.reach * case.force)?;
+    }
+
+    #[test]
+    fn inverse_dynamics_is_euler_lagrange_by_dual_numbers(case in case(12)) {
+        if !case.floats() {
+            let Case { q, v, a, .. } = &case;
+            let recursion = case.mechanics.inverse_dynamics(q, v, a).unwrap();
+            let duals = case.mechanics.clone().by_duals().inverse_dynamics(q, v, a).unwrap();
+            close("Q", recursion.as_slice(), duals.as_slice(), 1e-13 * case.reach * case.force)?;
+        }
+    }
+
+    #[test]
+    fn the_terms_add_up_to_the_inverse_dynamics(case in case(MOST)) {
+        let Case { q, v, a, mechanics, .. } = &case;
+        let n = mechanics.nv();
+        let tolerance = 1e-13 * case.reach * case.force;
+        let (mut mass, mut coriolis, mut gravity) =
+            (DMatrix::zeros(n, n), DMatrix::zeros(n, n), DVector::zeros(n));
+        let p = mechanics.nominal();
+        mechanics.equations_into(q, v, &p, &mut mechanics.workspace(), &mut mass, &mut coriolis, &mut gravity);
+        let sum = &mass * DVector::from_column_slice(a) + &coriolis * DVector::from_column_slice(v) + &gravity;
+        close("Q", sum.as_slice(), mechanics.inverse_dynamics(q, v, a).unwrap().as_slice(), tolerance)?;
+        // Together and alone.
+        close("M", mass.as_slice(), mechanics.mass_matrix(q).unwrap().as_slice(), 1e-14 * case.mass)?;
+        close("C", coriolis.as_slice(), mechanics.coriolis_matrix(q, v).unwrap().as_slice(), tolerance)?;
+        close("G", gravity.as_slice(), mechanics.gravity_force(q).unwrap().as_slice(), tolerance)?;
+    }
+
+    #[test]
+    fn the_coriolis_matrix_is_half_the_slope_of_the_velocity_force(case in case(20)) {
+        if !case.floats() {
+            let Case { q, v, mechanics, .. } = &case;
+            let n = mechanics.nv();
+            let coriolis = mechanics.coriolis_matrix(q, v).unwrap();
+            let zero = vec![0.0; n];
+            for j in 0..n {
+                let mut along = zero.clone();
+                along[j] = 1.0;
+                let slope = adjoint::inverse_dynamics_along(case.tree(), (q, v, &zero), (&zero, &along, &zero)).unwrap() * 0.5;
+                close("C", coriolis.column(j).as_slice(), slope.as_slice(), 1e-13 * case.reach * case.force)?;
+            }
+        }
+    }
+
+    #[test]
+    fn the_coriolis_matrix_takes_no_power(case in case(MOST)) {
+        // Ṁ = C + Cᵀ: Ṁ − 2C is skew. Ṁ along q̇ by dual numbers of T.
+        let Case { q, v, mechanics, .. } = &case;
+        let n = mechanics.nv();
+        let coriolis = mechanics.coriolis_matrix(q, v).unwrap();
+        let rate = position_rate(mechanics.coordinates(), q, v);
+        let moving: Vec<Dual64> = q.iter().zip(&rate).map(|(&q, &r)| Dual64::new(q, r)).collect();
+        let kinetic = |i: usize, j: usize, both: f64| {
+            let mut u = vec![Dual64::from(0.0); n];
+            u[i] += 1.0;
+            u[j] += both;
+            case.tree().kinetic(&moving, &u).eps
+        };
+        let alone: Vec<f64> = (0..n).map(|i| kinetic(i, i, 0.0)).collect();
+        let mass_rate = DMatrix::from_fn(n, n, |i, j| kinetic(i, j, 1.0) - alone[i] - alone[j]);
+        // T of a pair: for i = j it is T(2 e_i) = 4 T(e_i).
+        let expected = DMatrix::from_fn(n, n, |i, j| if i == j { 2.0 * alone[i] } else { mass_rate[(i, j)] });
+        let sum = &coriolis + coriolis.transpose();
+        close("Ṁ", sum.as_slice(), expected.as_slice(), 1e-12 * case.reach * case.mass)?;
+    }
+
+    #[test]
+    fn both_forward_dynamics_undo_the_inverse(case in case(MOST)) {
+        let Case { q, v, a, mechanics, .. } = &case;
+        let force = mechanics.inverse_dynamics(q, v, a).unwrap();
+        let found = mechanics.forward_dynamics(q, v, force.as_slice()).unwrap();
+        // Measured where it is well conditioned: by the force that the error would need.
+        let mass = mechanics.mass_matrix(q).unwrap();
+        let residual = &mass * (&found - DVector::from_column_slice(a));
+        close("M v̇", residual.as_slice(), &vec![0.0; a.len()], 1e-11 * case.reach * case.force)?;
+        let by = mechanics.forward_dynamics_derivatives(q, v, force.as_slice()).unwrap();
+        let residual = &mass * (&by.acceleration - DVector::from_column_slice(a));
+        close("M v̇", residual.as_slice(), &vec![0.0; a.len()], 1e-11 * case.reach * case.force)?;
+        let identity = &mass * &by.by_force;
+        let condition = case.mass * by.by_force.amax();
+        close("M M⁻¹", identity.as_slice(), DMatrix::<f64>::identity(a.len(), a.len()).as_slice(), 1e-13 * case.reach * condition)?;
+    }
+
+    #[test]
+    fn derivatives_of_the_inverse_dynamics_are_those_of_dual_numbers(case in case(MOST)) {
+        let Case { q, v, a, mechanics, .. } = &case;
+        let n = mechanics.nv();
+        let zero = vec![0.0; n];
+        let found = mechanics.inverse_dynamics_derivatives(q, v, a).unwrap();
+        let tolerance = 1e-12 * case.reach * case.force;
+        // Some columns of each tree; all of them over the cases.
+        for j in (0..n).step_by(1 + n / 8) {
+            let mut along = zero.clone();
+            along[j] = 1.0;
+            let at = (&q[..], &v[..], &a[..]);
+            let by_q = adjoint::inverse_dynamics_along(case.tree(), at, (&along, &zero, &zero)).unwrap();
+            let by_v = adjoint::inverse_dynamics_along(case.tree(), at, (&zero, &along, &zero)).unwrap();
+            close("∂Q/∂q", found.by_q.column(j).as_slice(), by_q.as_slice(), tolerance)?;
+            close("∂Q/∂v", found.by_v.column(j).as_slice(), by_v.as_slice(), tolerance)?;
+        }
+    }
+
+    #[test]
+    fn derivatives_in_the_masses_add_up_to_the_force(case in case(MOST)) {
+        // Q is linear in the factors of all masses.
+        let Case { q, v, a, mechanics, .. } = &case;
+        let found = mechanics.inverse_dynamics_derivatives(q, v, a).unwrap();
+        let sum = found.by_p.column_sum();
+        let force = mechanics.inverse_dynamics(q, v, a).unwrap();
+        close("Σ ∂Q/∂p", sum.as_slice(), force.as_slice(), 1e-12 * case.reach * case.force)?;
+        // And one factor alone.
+        let mut p = mechanics.nominal();
+        let k = p.len() / 2;
+        p[k] = 1.5;
+        let mut other = force.clone();
+        mechanics.inverse_dynamics_into(q, v, a, &p, &mut mechanics.workspace(), &mut other);
+        let expected = &force + found.by_p.column(k) * 0.5;
+        close("Q(p)", other.as_slice(), expected.as_slice(), 1e-12 * case.reach * case.force)?;
+    }
+
+    #[test]
+    fn derivatives_of_the_forward_dynamics_cancel_those_of_the_inverse(case in case(MOST)) {
+        // 0 = d/dx Q(q, v, v̇(x)) = ∂Q/∂x + M ∂v̇/∂x.
+        let Case { q, v, a, mechanics, .. } = &case;
+        let n = mechanics.nv();
+        let force = mechanics.inverse_dynamics(q, v, a).unwrap();
+        let p = mechanics.nominal();
+        let some = [0, p.len() - 1];
+        let (mut work, some) = (mechanics.workspace(), &some[..p.len().min(2)]);
+        let mut by = ForwardDynamicsDerivatives::zeros(n, some.len());
+        mechanics.forward_dynamics_derivatives_into(q, v, force.as_slice(), &p, some, &mut work, &mut by).unwrap();
+        let mut inverse = InverseDynamicsDerivatives::zeros(n, some.len());
+        mechanics.inverse_dynamics_derivatives_into(q, v, by.acceleration.as_slice(), &p, some, &mut work, &mut inverse);
+        let mass = mechanics.mass_matrix(q).unwrap();
+        for (what, by, inverse) in [("q", &by.by_q, &inverse.by_q), ("v", &by.by_v, &inverse.by_v), ("p", &by.by_p, &inverse.by_p)] {
+            let sum = &mass * by + inverse;
+            let scale = (case.force + inverse.amax()) * case.reach;
+            close(what, sum.as_slice(), DMatrix::<f64>::zeros(n, by.ncols()).as_slice(), 1e-10 * scale)?;
+        }
+    }
+
+    #[test]
+    fn work_goes_into_the_two_energies(case in case(MOST)) {
+        let Case { q, v, a, mechanics, .. } = &case;
+        let balance = mechanics.power_balance(q, v, a).unwrap();
+        // dT/dt + dV/dt along the motion, by dual numbers of the energies themselves.
+        let acceleration = mechanics.forward_dynamics(q, v, a).unwrap();
+        let rate = position_rate(mechanics.coordinates(), q, v);
+        let lift = |x: &[f64], dx: &[f64]| -> Vec<Dual64> { x.iter().zip(dx).map(|(&x, &dx)| Dual64::new(x, dx)).collect() };
+        let (qd, vd) = (lift(q, &rate), lift(v, acceleration.as_slice()));
+        let scale = 2.0 * case.reach * (case.force + case.mass * acceleration.amax()) * a.len() as f64;
+        let rates = [case.tree().kinetic(&qd, &vd).eps, case.tree().potential(&qd).eps];
+        close("dT/dt, dV/dt", &[balance.kinetic, balance.potential], &rates, 1e-12 * scale)?;
+        close("Q · v", &[balance.input], &[rates[0] + rates[1]], 1e-11 * scale)?;
+    }
+
+    #[test]
+    fn momentum_stays_where_nothing_pulls(case in case(MOST)) {
+        // Without gravity and forces a mechanism on a floating base keeps its linear and angular momentum in the world.
+        if case.floats() {
+            let Case { q, v, mechanics, .. } = &case;
+            let n = mechanics.nv();
+            let options = Options { floating_base: true, gravity: [0.0; 3], ..Options::default() };
+            let free = tree(&case.text, &options);
+            let a = free.forward_dynamics(q, v, &vec![0.0; n]).unwrap();
+            // The base's six rows of M v are the momentum in its axes, about its origin: d/dt in the world is ṗ + ω × p, L̇ + ω × L + u × p.
+            let mass = free.mass_matrix(q).unwrap();
+            let coriolis = free.coriolis_matrix(q, v).unwrap();
+            let v = DVector::from_column_slice(v);
+            let momentum = &mass * &v;
+            // Ṁ v + M v̇ with Ṁ = C + Cᵀ.
+            let rate = &mass * &a + (&coriolis + coriolis.transpose()) * &v;
+            let three = |x: &DVector<f64>, k: usize| nalgebra::Vector3::new(x[k], x[k + 1], x[k + 2]);
+            let (u, w) = (three(&v, 0), three(&v, 3));
+            let (p, l) = (three(&momentum, 0), three(&momentum, 3));
+            let linear = three(&rate, 0) + w.cross(&p);
+            let angular = three(&rate, 3) + w.cross(&l) + u.cross(&p);
+            let scale = case.reach * (case.force + case.mass * a.amax()) * n as f64;
+            close("ṗ", linear.as_slice(), &[0.0; 3], 1e-11 * scale)?;
+            close("L̇", angular.as_slice(), &[0.0; 3], 1e-11 * scale)?;
+        }
+    }
+
+    #[test]
+    fn eight_states_in_lanes_are_eight_states(case in case(MOST), shift in vec(-1.0..1.0, LANES)) {
+        let Case { q, v, a, mechanics, .. } = &case;
+        let (n, nq) = (mechanics.nv(), mechanics.nq());
+        let states: Vec<Vec<f64>> = shift.iter().map(|s| {
+            let mut q: Vec<f64> = q.iter().map(|x| x + s).collect();
+            state::normalize(mechanics.coordinates(), &mut q);
+            q
+        }).collect();
+        let lanes = |of: &dyn Fn(usize, usize) -> f64, n: usize| -> Vec<[f64; LANES]> {
+            (0..n).map(|i| std::array::from_fn(|k| of(k, i))).collect()
+        };
+        let ql = lanes(&|k, i| states[k][i], nq);
+        let vl = lanes(&|k, i| v[i] * (1.0 + shift[k]), n);
+        let al = lanes(&|k, i| a[i] - shift[k], n);
+        let p = mechanics.nominal();
+        let work = &mut mechanics.workspace();
+        let mut force = vec![[0.0; LANES]; n];
+        mechanics.inverse_dynamics_lanes_into(&ql, &vl, &al, &p, work, &mut force);
+        let mut mass = vec![[0.0; LANES]; n * n];
+        mechanics.mass_matrix_lanes_into(&ql, &p, work, &mut mass);
+        let mut back = force.clone();
+        mechanics.forward_dynamics_lanes_into(&ql, &vl, &p, work, &mut back).unwrap();
+        for k in 0..LANES {
+            let of = |x: &[[f64; LANES]]| -> Vec<f64> { x.iter().map(|x| x[k]).collect() };
+            let (q, v, a) = (of(&ql), of(&vl), of(&al));
+            let one = mechanics.inverse_dynamics(&q, &v, &a).unwrap();
+            // The states are larger than the case's: up to twice the speed.
+            close("Q", &of(&force), one.as_slice(), 1e-12 * case.reach * case.force)?;
+            let one = mechanics.mass_matrix(&q).unwrap();
+            close("M", &of(&mass), one.as_slice(), 1e-12 * case.reach * one.amax())?;
+            let found = DVector::from_vec(of(&back)) - DVector::from_column_slice(&a);
+            close("M v̇", (one * found).as_slice(), &vec![0.0; n], 1e-10 * case.reach * case.force)?;
+        }
+    }
+
+    #[test]
+    fn eight_states_one_of_which_has_no_acceleration_are_an_error(case in case(4)) {
+        let Case { q, v, a, mechanics, .. } = &case;
+        let lanes = |x: &[f64]| -> Vec<[f64; LANES]> { x.iter().map(|&x| [x; LANES]).collect() };
+        let (p, work) = (mechanics.nominal(), &mut mechanics.workspace());
+        let mut out = lanes(a);
+        out[0][5] = f64::NAN;
+        let result = mechanics.forward_dynamics_lanes_into(&lanes(q), &lanes(v), &p, work, &mut out);
+        let message = result.unwrap_err().to_string();
+        prop_assert!(message.contains("generalized force holds a NaN"), "{}", message);
+        let mut bad = lanes(q);
+        bad[0][3] = f64::INFINITY;
+        let result = mechanics.forward_dynamics_lanes_into(&bad, &lanes(v), &p, work, &mut lanes(a));
+        let message = result.map_or_else(|e| e.to_string(), |()| "none".to_owned());
+        // What slides on the base does not feel where it is.
+        let insensitive = !mechanics.coordinates()[0].angular;
+        prop_assert!(insensitive || message.contains("q[0] is inf"), "{}", message);
+    }
+}
