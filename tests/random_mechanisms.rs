@@ -10,8 +10,8 @@ use common::load::tree;
 use common::random_tree::{RandomBody, body, urdf};
 use lagrange::equations::reference;
 use lagrange::mechanism::Tree;
-use lagrange::urdf::Options;
-use lagrange::{Dynamics, InverseDynamicsDerivatives, Lagrangian, Mechanics};
+use lagrange::urdf::{Options, Urdf};
+use lagrange::{Dynamics, InverseDynamicsDerivatives, Lagrangian, Mechanics, state};
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, Vector3};
 use num_dual::Dual64;
 use proptest::collection::vec;
@@ -19,6 +19,7 @@ use proptest::prelude::*;
 
 /// A tree at a state (q, v) with an acceleration a, and the sizes that rounding is measured by.
 struct Case {
+    urdf: Urdf,
     mechanics: Dynamics<Tree>,
     q: Vec<f64>,
     v: Vec<f64>,
@@ -29,22 +30,61 @@ struct Case {
     force: f64,
 }
 
+/// A tree on a fixed base whose velocities are the rates of its coordinates.
 fn case() -> impl Strategy<Value = Case> {
-    let joints = &["revolute", "continuous", "prismatic"];
-    vec(body(joints), 1..=8).prop_flat_map(|bodies| {
-        let n = bodies.len();
-        let state = (vec(-3.0..3.0, n), vec(-2.0..2.0, n), vec(-5.0..5.0, n));
-        (Just(bodies), state).prop_map(|(bodies, (q, v, a))| new_case(&bodies, q, v, a))
-    })
+    let joints = &["revolute", "continuous", "prismatic", "planar"];
+    vec(body(joints), 1..=8).prop_flat_map(|bodies| case_of(bodies, false))
 }
 
-fn new_case(bodies: &[RandomBody], q: Vec<f64>, v: Vec<f64>, a: Vec<f64>) -> Case {
-    let mechanics = tree(&urdf(bodies), &Options::default());
+/// A tree on a floating base, with floating joints in it.
+fn floating_case() -> impl Strategy<Value = Case> {
+    let joints = &[
+        "revolute",
+        "continuous",
+        "prismatic",
+        "planar",
+        "revolute",
+        "floating",
+    ];
+    vec(body(joints), 1..=6).prop_flat_map(|bodies| case_of(bodies, true))
+}
+
+fn case_of(bodies: Vec<RandomBody>, floating_base: bool) -> impl Strategy<Value = Case> {
+    let most = 7 * (bodies.len() + 1);
+    let state = (
+        vec(-3.0..3.0, most),
+        vec(-2.0..2.0, most),
+        vec(-5.0..5.0, most),
+    );
+    (Just(bodies), state)
+        .prop_map(move |(bodies, (q, v, a))| new_case(&bodies, floating_base, q, v, a))
+}
+
+/// Of q, v and a as much is taken as there are coordinates.
+fn new_case(
+    bodies: &[RandomBody],
+    floating_base: bool,
+    mut q: Vec<f64>,
+    mut v: Vec<f64>,
+    mut a: Vec<f64>,
+) -> Case {
+    let options = Options {
+        floating_base,
+        ..Options::default()
+    };
+    let text = urdf(bodies);
+    let read = lagrange::urdf::read(&text, &options).unwrap();
+    let mechanics = tree(&text, &options);
+    q.truncate(mechanics.nq());
+    v.truncate(mechanics.nv());
+    a.truncate(mechanics.nv());
+    state::normalize(mechanics.coordinates(), &mut q);
     let mass = mechanics.mass_matrix(&q).unwrap().amax();
     let amax = |x: &[f64]| x.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     let bias = mechanics.bias_force(&q, &v).unwrap().amax();
     let force = mass * (amax(&v).powi(2) + amax(&a)) + bias;
     Case {
+        urdf: read,
         mechanics,
         q,
         v,
@@ -88,13 +128,16 @@ fn mass_rate(tree: &Tree, q: &[f64], v: &[f64]) -> DMatrix<f64> {
     })
 }
 
-/// T and V from the poses of the links: velocities are differences of fourth order along q̇ = v.
+/// q after the time h at the velocity v.
+fn moved(tree: &Tree, q: &[f64], v: &[f64], h: f64) -> Vec<f64> {
+    let motion: Vec<f64> = v.iter().map(|v| h * v).collect();
+    state::integrate(tree.coordinates(), q, &motion).unwrap()
+}
+
+/// T and V from the poses of the links: velocities are differences of fourth order along the motion at v.
 fn energies_by_poses(tree: &Tree, q: &[f64], v: &[f64]) -> (f64, f64) {
     let h = 1e-3;
-    let poses = |s: f64| {
-        let moved: Vec<f64> = q.iter().zip(v).map(|(q, v)| q + s * h * v).collect();
-        tree.link_poses(&moved).unwrap()
-    };
+    let poses = |s: f64| tree.link_poses(&moved(tree, q, v, s * h)).unwrap();
     let around = [poses(-2.0), poses(-1.0), poses(1.0), poses(2.0)];
     let (now, gravity) = (poses(0.0), Vector3::from(tree.gravity()));
     let (mut kinetic, mut potential) = (0.0, 0.0);
@@ -218,6 +261,87 @@ proptest! {
         prop_assert!((found - kinetic).abs() <= 1e-8 * (1.0 + kinetic), "{found} {kinetic}");
         let found = mechanics.potential_energy(q).unwrap();
         prop_assert!((found - potential).abs() <= 1e-11 * (1.0 + potential.abs()), "{found} {potential}");
+    }
+
+    #[test]
+    fn the_energies_of_floating_trees_are_those_of_the_moving_bodies(case in floating_case()) {
+        let Case { mechanics, q, v, .. } = &case;
+        let (kinetic, potential) = energies_by_poses(mechanics.lagrangian(), q, v);
+        let found = mechanics.kinetic_energy(q, v).unwrap();
+        prop_assert!((found - kinetic).abs() <= 1e-8 * (1.0 + kinetic), "{found} {kinetic}");
+        let found = mechanics.potential_energy(q).unwrap();
+        prop_assert!((found - potential).abs() <= 1e-11 * (1.0 + potential.abs()), "{found} {potential}");
+    }
+
+    #[test]
+    fn forces_on_floating_trees_give_the_power_and_the_acceleration(case in floating_case()) {
+        let Case { mechanics, q, v, a, .. } = &case;
+        let tree = mechanics.lagrangian();
+        let force = mechanics.inverse_dynamics(q, v, a).unwrap();
+        let found = mechanics.forward_dynamics(q, v, force.as_slice()).unwrap();
+        let missed = mechanics.mass_matrix(q).unwrap() * (found - DVector::from_column_slice(a));
+        prop_assert!(missed.amax() <= 1e-12 * case.force);
+        // d/dt (T + V) by differences of fourth order along a smooth motion that has this v and v̇ = a in its middle.
+        let energy = |s: f64| {
+            let h = s * 1e-3;
+            let at = |share: f64| -> Vec<f64> { v.iter().zip(a).map(|(v, a)| v + share * h * a).collect() };
+            let there = moved(tree, q, &at(0.5), h);
+            tree.kinetic(&there, &at(1.0)) + tree.potential(&there)
+        };
+        let rate = ((energy(1.0) - energy(-1.0)) * 8.0 - (energy(2.0) - energy(-2.0))) / 12e-3;
+        let power = force.dot(&DVector::from_column_slice(v));
+        let speed: f64 = v.iter().map(|v| v.abs()).sum();
+        prop_assert!((power - rate).abs() <= 1e-8 * case.force * (1.0 + speed), "{power} {rate}");
+    }
+
+    #[test]
+    fn a_tree_that_is_written_and_read_again_is_the_same(case in floating_case()) {
+        let mechanics = &case.mechanics;
+        let text = lagrange::urdf::write(&case.urdf);
+        let again = tree(&text, &Options { floating_base: true, ..Options::default() });
+        prop_assert_eq!(mechanics.coordinates(), again.coordinates());
+        let (q, v) = (&case.q, &case.v);
+        prop_assert_eq!(mechanics.mass_matrix(q).unwrap(), again.mass_matrix(q).unwrap());
+        prop_assert_eq!(mechanics.bias_force(q, v).unwrap(), again.bias_force(q, v).unwrap());
+    }
+
+    #[test]
+    fn jacobians_times_v_are_the_velocities_of_points_links_and_centre_of_mass(case in floating_case()) {
+        let Case { mechanics, q, v, .. } = &case;
+        let tree = mechanics.lagrangian();
+        let (h, velocity) = (1e-3, DVector::from_column_slice(v));
+        let around = [-2.0, -1.0, 1.0, 2.0].map(|s| moved(tree, q, v, s * h));
+        let rates = state::position_rate(tree.coordinates(), q, v).unwrap();
+        let moving = along(q, &rates);
+        let size = 1.0 + q.iter().chain(v).fold(0.0_f64, |m, x| m.max(x.abs()));
+        for link in 0..tree.links().len() {
+            let point = [0.2, -0.1, 0.3];
+            let moved = tree.link_jacobian(q, link, point).unwrap() * &velocity;
+            // The point by dual numbers, exactly; and where it is.
+            let position = tree.point_position(&moving, link, point);
+            let pose = tree.link_pose(q, link).unwrap();
+            let at = (pose * Point3::from(point)).coords;
+            for k in 0..3 {
+                prop_assert!((position[k].re - at[k]).abs() <= 1e-13 * size);
+                prop_assert!((position[k].eps - moved[k]).abs() <= 1e-12 * size * size, "{} {}", position[k].eps, moved[k]);
+            }
+            // The angular velocity by differences.
+            let [a, b, c, d] = around.each_ref().map(|q| {
+                tree.link_pose(q, link).unwrap().rotation.to_rotation_matrix().into_inner()
+            });
+            let turning = ((c - b) * 8.0 - (d - a)) / (12.0 * h);
+            let spin = turning * pose.rotation.to_rotation_matrix().into_inner().transpose();
+            let w = Vector3::new(spin[(2, 1)], spin[(0, 2)], spin[(1, 0)]);
+            prop_assert!((moved.fixed_rows::<3>(3) - w).amax() <= 1e-8 * size.powi(5), "{w}");
+        }
+        let [a, b, c, d] = around.each_ref().map(|q| tree.centre_of_mass(q).unwrap());
+        let expected = ((c - b) * 8.0 - (d - a)) / (12.0 * h);
+        let found = tree.centre_of_mass_jacobian(q).unwrap() * &velocity;
+        prop_assert!((found - expected).amax() <= 1e-8 * size.powi(5));
+        // m g · c is −V.
+        let gravity = Vector3::from(tree.gravity());
+        let potential = -tree.mass() * gravity.dot(&tree.centre_of_mass(q).unwrap());
+        prop_assert!((potential - tree.potential(q)).abs() <= 1e-12 * tree.mass() * 10.0 * size * 10.0);
     }
 
     #[test]

@@ -71,9 +71,14 @@ fn triple(range: f64) -> impl Strategy<Value = [f64; 3]> {
     [-range..range, -range..range, -range..range]
 }
 
-/// The tree of `bodies`: link and joint k+1 hang on one of the links 0 … k, of which 0 is the world.
+/// The tree of `bodies`: link and joint k+1 hang on one of the links 0 … k, of which 0 is the root; its mass counts where it floats.
 pub fn urdf(bodies: &[RandomBody]) -> String {
-    let mut text = String::from("<robot name=\"random\">\n<link name=\"l0\"/>\n");
+    let mut text = String::from(
+        r#"<robot name="random">
+<link name="l0"><inertial><origin xyz="0.1 -0.2 0.05" rpy="0.3 0.2 0.1"/><mass value="1.3"/>
+  <inertia ixx="0.04" ixy="0.003" ixz="0" iyy="0.05" iyz="-0.002" izz="0.03"/></inertial></link>
+"#,
+    );
     for (k, body) in bodies.iter().enumerate() {
         let [x, y, z] = body.spread.map(|s| s * body.mass);
         // Half of the bodies hang on the one before, so that the trees are deep as well as wide.

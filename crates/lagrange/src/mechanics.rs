@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, Matrix3};
 
 use crate::constraint::Holonomic;
 use crate::equations::{Workspace, one_by_one};
-use crate::{Coordinate, Error, LANES, Parameter};
+use crate::{Coordinate, Error, LANES, Parameter, state};
 use crate::{ForwardDynamicsDerivatives, InverseDynamicsDerivatives};
 
 /// The equations of motion of one mechanism: M(q) v̇ + C(q, v) v + G(q) = Q.
@@ -332,6 +332,21 @@ pub trait Mechanics: Send + Sync {
         linear.a.view_mut((n, n), (n, n)).copy_from(&by.by_v);
         linear.b.view_mut((n, 0), (n, n)).copy_from(&by.by_force);
         Ok(linear)
+    }
+
+    /// The configuration of all zeros, with quaternions 1 0 0 0.
+    fn neutral(&self) -> Vec<f64> {
+        state::neutral(self.coordinates())
+    }
+
+    /// q ⊕ Δ for a motion Δ = v·dt: see [`state::integrate`].
+    fn integrate(&self, q: &[f64], motion: &[f64]) -> Result<Vec<f64>, Error> {
+        state::integrate(self.coordinates(), q, motion)
+    }
+
+    /// The motion Δ with from ⊕ Δ = to, by the short way round: see [`state::difference`].
+    fn difference(&self, from: &[f64], to: &[f64]) -> Result<Vec<f64>, Error> {
+        state::difference(self.coordinates(), from, to)
     }
 
     /// Refuses vectors of the wrong length or with NaN or infinity in them.

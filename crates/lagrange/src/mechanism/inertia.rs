@@ -2,6 +2,8 @@
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
+use super::Placement;
+
 /// The inertia of a rigid body, expressed in and about the origin of one frame.
 ///
 /// Kept as mass m, first moment h = m c and the rotational inertia about the *origin*, because in this form bodies that are
@@ -97,6 +99,26 @@ impl Inertia {
     /// Whether there is anything to accelerate: mass, or inertia without mass.
     pub fn is_zero(&self) -> bool {
         self.mass == 0.0 && self.rotational == Matrix3::zeros()
+    }
+}
+
+/// The inertia of a link, as URDF gives it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Inertial {
+    /// Centre of mass, and axes of the inertia, in the link's frame.
+    pub origin: Placement,
+    /// Mass, kg.
+    pub mass: f64,
+    /// ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, kg·m².
+    pub inertia: [f64; 6],
+}
+
+impl Inertial {
+    /// In and about the origin of the link's frame.
+    pub fn in_link(&self) -> Inertia {
+        let [xx, xy, xz, yy, yz, zz] = self.inertia;
+        let matrix = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+        Inertia::about_centre(self.mass, Vector3::zeros(), matrix).in_frame(&self.origin.pose())
     }
 }
 

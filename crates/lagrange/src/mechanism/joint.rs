@@ -2,8 +2,9 @@
 
 use std::collections::HashMap;
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 
+use super::Placement;
 use crate::{Coordinate, Problem};
 
 /// A joint between two links, as the model's source gives it.
@@ -18,6 +19,8 @@ pub struct Joint {
     pub parent: String,
     /// The link that it moves.
     pub child: String,
+    /// The joint's frame, which is the child link's at joint position 0, in the parent link's.
+    pub origin: Placement,
     /// Axis of rotation or translation, or normal of the plane, of length 1, in the joint's frame. Not used by fixed and floating
     /// joints.
     pub axis: Vector3<f64>,
@@ -119,12 +122,11 @@ pub struct Mimic {
     pub offset: f64,
 }
 
-/// A joint on the way into `Tree::assemble`: indices of links, and the joint's frame in the parent link's.
+/// A joint on the way into `Tree::assemble`, with the indices of its links.
 pub(crate) struct JointSpec {
     pub joint: Joint,
     pub parent: usize,
     pub child: usize,
-    pub origin: Isometry3<f64>,
 }
 
 /// How a joint moves: position = ratio · coordinate + offset.

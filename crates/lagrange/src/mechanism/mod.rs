@@ -1,15 +1,19 @@
 //! Kinematic trees: rigid bodies joined by joints.
 
 mod inertia;
+mod jacobian;
 mod joint;
 mod node;
+mod placement;
 mod poses;
 mod recursion;
 mod shortcuts;
 mod tree;
 
-pub use inertia::Inertia;
+pub use inertia::{Inertia, Inertial};
+pub use jacobian::Poses;
 pub use joint::{Joint, JointKind, Limits, Mimic};
+pub use placement::Placement;
 pub use tree::{Body, Link, Tree};
 
 pub(crate) use joint::JointSpec;

@@ -12,16 +12,9 @@ impl Tree {
     /// # Errors
     /// When `q` has the wrong length or an entry that is not finite.
     pub fn link_poses(&self, q: &[f64]) -> Result<Vec<Isometry3<f64>>, Error> {
-        self.check(q)?;
-        let poses = self.node_poses(q);
-        Ok(self
-            .links
-            .iter()
-            .map(|link| match link.body.and_then(|b| self.bodies.get(b)) {
-                Some(body) => poses[body.node] * link.pose,
-                None => link.pose,
-            })
-            .collect())
+        let poses = self.poses(q)?;
+        let links = 0..self.links.len();
+        Ok(links.map(|link| self.link_pose_in(&poses, link)).collect())
     }
 
     /// The position in the world, m, of the point that stands at `point` in the frame of a link (its index among
@@ -59,13 +52,12 @@ impl Tree {
     }
 
     /// The pose of every node's frame in the world.
-    pub(super) fn node_poses(&self, q: &[f64]) -> Vec<Isometry3<f64>> {
-        let mut poses: Vec<Isometry3<f64>> = Vec::with_capacity(self.nodes.len());
+    pub(super) fn node_poses_into(&self, q: &[f64], out: &mut Vec<Isometry3<f64>>) {
+        out.clear();
         for node in &self.nodes {
-            let parent = node.parent.map_or(Isometry3::identity(), |p| poses[p]);
-            poses.push(parent * node.pose_at_zero() * node.joint_pose(q));
+            let parent = node.parent.map_or(Isometry3::identity(), |p| out[p]);
+            out.push(parent * node.pose_at_zero() * node.joint_pose(q));
         }
-        poses
     }
 
     /// That `q` is as long as it has to be, and finite.

@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vect
 use super::joint::{Drive, JointSpec, coordinates, not_a_tree, plane_of, pose_of, z_to};
 use super::node::{Freedom, Node, Rotation};
 use super::shortcuts::Shortcuts;
-use super::{Inertia, Joint, JointKind};
+use super::{Inertia, Inertial, Joint, JointKind};
 use crate::{Coordinate, Parameter, Problem, Role};
 
 /// A tree of rigid bodies on a fixed base, or on one that floats; immutable.
@@ -91,16 +91,25 @@ pub struct Body {
 pub struct Link {
     /// Name.
     pub name: String,
+    /// Its inertia as the source has it, where it has one.
+    pub inertial: Option<Inertial>,
     /// Index of the body; none when it is welded to the world.
     pub body: Option<usize>,
     /// Pose of the link in the body's frame (the world's, where there is no body).
     pub(super) pose: Isometry3<f64>,
 }
 
-/// A link on the way into [`Tree::assemble`]; its inertia is in its own frame.
+/// A link on the way into [`Tree::assemble`].
 pub(crate) struct LinkSpec {
     pub name: String,
-    pub inertia: Inertia,
+    pub inertial: Option<Inertial>,
+}
+
+impl LinkSpec {
+    /// In the link's frame.
+    fn inertia(&self) -> Inertia {
+        self.inertial.map_or(Inertia::zero(), |i| i.in_link())
+    }
 }
 
 /// The coordinate of a base that floats.
@@ -170,11 +179,16 @@ impl Tree {
             placed[link] = Some((body, pose));
             if let Some(seed) = body.and_then(|b| seeds.get_mut(b)) {
                 seed.links.push(link);
-                seed.inertia = seed.inertia + links[link].inertia.in_frame(&pose);
+                seed.inertia = seed.inertia + links[link].inertia().in_frame(&pose);
             }
             // The first joint of the link is to be popped first.
             for &j in leaving[link].iter().rev() {
-                pending.push((joints[j].child, Some(j), body, pose * joints[j].origin));
+                pending.push((
+                    joints[j].child,
+                    Some(j),
+                    body,
+                    pose * joints[j].joint.origin.pose(),
+                ));
             }
         }
         if placed.iter().any(Option::is_none) {
@@ -201,6 +215,7 @@ impl Tree {
             let (body, pose) = place.unwrap_or((None, Isometry3::identity()));
             tree.links.push(Link {
                 name: spec.name.clone(),
+                inertial: spec.inertial,
                 body,
                 pose,
             });

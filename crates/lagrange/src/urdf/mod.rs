@@ -1,4 +1,4 @@
-//! URDF, the robot description format of ROS: a text becomes a [`Tree`], or a list of all that is wrong with it.
+//! URDF, the robot description format of ROS: a text becomes a [`Tree`], or a list of all that is wrong with it; and is written again.
 //!
 //! Read are links with their inertia and joints of the types fixed, revolute, continuous, prismatic, planar and floating, with
 //! mimic, limits and `<dynamics>`. Shapes are not needed and meshes are never opened. No file is read and no program is run: xacro files have to be
@@ -8,6 +8,7 @@ mod read;
 mod schema;
 mod source;
 mod validate;
+mod write;
 
 use crate::mechanism::Tree;
 use crate::{Problem, Problems};
@@ -92,4 +93,29 @@ pub fn read(text: &str, options: &Options) -> Result<Urdf, Problems> {
         source: options.source.clone(),
         list,
     })
+}
+
+/// Writes what was read as URDF again: the same links with their frames and inertias, the same joints with their axes, limits,
+/// `<dynamics>` and mimic, in the same order, every number such that it is read as itself. Read with the same [`Options`], it has the
+/// same equations.
+///
+/// What concerns no motion is left out: shapes, materials, calibration, safety controllers, and all that reading warned of.
+///
+/// ```
+/// use lagrange::urdf;
+///
+/// let text = r#"<robot name="r">
+///   <link name="base"/>
+///   <link name="arm"><inertial><mass value="0.1"/><inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/></inertial></link>
+///   <joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint>
+/// </robot>"#;
+/// let urdf = urdf::read(text, &urdf::Options::default())?;
+/// let written = urdf::write(&urdf);
+/// assert!(written.contains(r#"<mass value="0.1"/>"#));
+/// let again = urdf::read(&written, &urdf::Options::default())?;
+/// assert_eq!(again.tree.joints(), urdf.tree.joints());
+/// # Ok::<(), lagrange::Problems>(())
+/// ```
+pub fn write(urdf: &Urdf) -> String {
+    write::write(urdf)
 }

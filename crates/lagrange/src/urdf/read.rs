@@ -1,11 +1,13 @@
 //! From the text to the tree.
 
-use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 
 use super::source::{self, Report, Source, shown};
 use super::validate::validate;
 use super::{JointDynamics, Options, Urdf};
-use crate::mechanism::{Inertia, Joint, JointKind, JointSpec, Limits, LinkSpec, Mimic, Tree};
+use crate::mechanism::{
+    Inertial, Joint, JointKind, JointSpec, Limits, LinkSpec, Mimic, Placement, Tree,
+};
 use crate::{Lagrangian, Problem};
 
 pub fn read(text: &str, options: &Options) -> Result<Urdf, Vec<Problem>> {
@@ -72,9 +74,10 @@ fn tree(robot: &urdf_rs::Robot, source: &Source, options: &Options) -> Result<Tr
     let links: Vec<LinkSpec> = robot
         .links
         .iter()
-        .map(|link| LinkSpec {
+        .zip(&source.links)
+        .map(|(link, text)| LinkSpec {
             name: link.name.clone(),
-            inertia: inertia(&link.inertial),
+            inertial: text.inertial.as_ref().map(|_| inertial(&link.inertial)),
         })
         .collect();
     let index: std::collections::HashMap<&str, usize> = robot
@@ -97,7 +100,6 @@ fn tree(robot: &urdf_rs::Robot, source: &Source, options: &Options) -> Result<Tr
             Ok(JointSpec {
                 parent: find(&joint.parent.link)?,
                 child: find(&joint.child.link)?,
-                origin: pose(&joint.origin),
                 joint: self::joint(joint, text.limit.is_some())?,
             })
         })
@@ -106,23 +108,20 @@ fn tree(robot: &urdf_rs::Robot, source: &Source, options: &Options) -> Result<Tr
     Tree::assemble(&links, &joints, options.gravity, floats, follow)
 }
 
-/// Roll, pitch, yaw about the fixed axes x, y, z.
-fn pose(pose: &urdf_rs::Pose) -> Isometry3<f64> {
-    let [roll, pitch, yaw] = pose.rpy.0;
-    Isometry3::from_parts(
-        Translation3::from(Vector3::from(pose.xyz.0)),
-        UnitQuaternion::from_euler_angles(roll, pitch, yaw),
-    )
+fn placement(pose: &urdf_rs::Pose) -> Placement {
+    Placement {
+        xyz: pose.xyz.0,
+        rpy: pose.rpy.0,
+    }
 }
 
-/// The inertia in the link's frame.
-fn inertia(inertial: &urdf_rs::Inertial) -> Inertia {
+fn inertial(inertial: &urdf_rs::Inertial) -> Inertial {
     let i = &inertial.inertia;
-    let matrix = Matrix3::new(
-        i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz,
-    );
-    Inertia::about_centre(inertial.mass.value, Vector3::zeros(), matrix)
-        .in_frame(&pose(&inertial.origin))
+    Inertial {
+        origin: placement(&inertial.origin),
+        mass: inertial.mass.value,
+        inertia: [i.ixx, i.ixy, i.ixz, i.iyy, i.iyz, i.izz],
+    }
 }
 
 fn joint(joint: &urdf_rs::Joint, has_limit: bool) -> Result<Joint, Problem> {
@@ -143,7 +142,9 @@ fn joint(joint: &urdf_rs::Joint, has_limit: bool) -> Result<Joint, Problem> {
     // Divided by the largest entry first: a length neither overflows nor vanishes.
     let axis = Vector3::from(joint.axis.xyz.0);
     let largest = axis.amax();
-    let axis = if largest > 0.0 {
+    let axis = if (axis.norm_squared() - 1.0).abs() <= 4.0 * f64::EPSILON {
+        axis // of length 1 as it is: what was written by this crate is read as the same
+    } else if largest > 0.0 {
         (axis / largest).normalize()
     } else {
         Vector3::x()
@@ -155,6 +156,7 @@ fn joint(joint: &urdf_rs::Joint, has_limit: bool) -> Result<Joint, Problem> {
         kind,
         parent: joint.parent.link.clone(),
         child: joint.child.link.clone(),
+        origin: placement(&joint.origin),
         axis,
         limits: has_limit.then_some(Limits {
             lower: limit.lower,
