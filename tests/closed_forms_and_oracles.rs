@@ -373,6 +373,7 @@ fn energies_as_text_agree_with_a_computer_algebra_system() {
                 .map(|(name, x)| (name.clone(), x.as_f64().unwrap()))
                 .collect(),
             coordinates,
+            ..TextSource::default()
         });
         let reference = Reference {
             name: name.to_owned(),

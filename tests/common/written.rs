@@ -42,6 +42,7 @@ pub fn cart_pole_as_text() -> Dynamics<TextLagrangian> {
             ("l", 0.201),
             ("g", 9.81),
         ]),
+        ..TextSource::default()
     })
 }
 
@@ -68,6 +69,7 @@ pub fn double_pendulum_as_text() -> Dynamics<TextLagrangian> {
             ("h", 0.6),
             ("g", 9.81),
         ]),
+        ..TextSource::default()
     })
 }
 

@@ -2,8 +2,10 @@
 
 use std::fmt;
 
+use crate::caret;
+use crate::constraint::{Constraint, Equation, TextConstraints};
 use crate::expression::{is_identifier, nearest, reserved};
-use crate::{Coordinate, Expression, Lagrangian, Parameter, Role, Scalar, caret};
+use crate::{Coordinate, Expression, ExpressionError, Lagrangian, Parameter, Role, Scalar};
 
 /// The energies of a mechanism as text, see [`TextLagrangian`].
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -16,6 +18,8 @@ pub struct TextSource {
     pub kinetic: String,
     /// V, J.
     pub potential: String,
+    /// Holonomic constraints φ = 0: φ, or an equation with one `=`, in the coordinates and constants; see [`TextConstraints`].
+    pub constraints: Vec<String>,
     /// Names and values of the constants.
     pub parameters: Vec<(String, f64)>,
 }
@@ -32,6 +36,8 @@ pub enum Field {
     Kinetic,
     /// The potential energy.
     Potential,
+    /// The constraint of this index.
+    Constraint(usize),
     /// The parameter of this index.
     Parameter(usize),
 }
@@ -43,6 +49,7 @@ impl fmt::Display for Field {
             Field::Angles(i) => write!(f, "angles[{i}]"),
             Field::Kinetic => write!(f, "kinetic"),
             Field::Potential => write!(f, "potential"),
+            Field::Constraint(i) => write!(f, "constraints[{i}]"),
             Field::Parameter(i) => write!(f, "parameters[{i}]"),
         }
     }
@@ -69,11 +76,12 @@ impl TextProblem {
         }
     }
 
-    /// The message, and under it the place in the energy with a caret.
+    /// The message, and under it the place in the formula with a caret.
     pub fn render(&self, source: &TextSource) -> String {
         let text = match self.field {
             Field::Kinetic => &source.kinetic,
             Field::Potential => &source.potential,
+            Field::Constraint(i) if i < source.constraints.len() => &source.constraints[i],
             _ => return self.to_string(),
         };
         match self.column {
@@ -95,6 +103,9 @@ impl fmt::Display for TextProblem {
 impl std::error::Error for TextProblem {}
 
 /// A mechanism given by T and V as formulas in its coordinates, velocities and constants; see [`Expression`] for the notation.
+///
+/// As a [`Lagrangian`] it is the free mechanism; its constraints, where it has some, are [`constraints`](Self::constraints), for
+/// [`Constrained`](crate::constraint::Constrained).
 ///
 /// ```
 /// use lagrange::{Lagrangian, TextLagrangian, TextSource};
@@ -119,6 +130,7 @@ pub struct TextLagrangian {
     general: Energies,
     /// The same with the nominal parameters put in.
     nominal: Energies,
+    constraints: TextConstraints,
     kinetic_is_quadratic: bool,
     warnings: Vec<TextProblem>,
 }
@@ -134,8 +146,8 @@ impl TextLagrangian {
     ///
     /// # Errors
     /// All that is wrong with it, field by field: names (spelling, doubles, clashes with functions, constants and velocities),
-    /// parameters that are not finite, angles that are no coordinates, formulas that do not parse, velocities in V, energies that
-    /// are not finite at any of some ordinary states.
+    /// parameters that are not finite, angles that are no coordinates, formulas that do not parse, velocities in V or in a
+    /// constraint, energies and constraints that are not finite at any of some ordinary states.
     pub fn new(source: &TextSource) -> Result<Self, Vec<TextProblem>> {
         let n = source.coordinates.len();
         let mut problems = name_problems(source);
@@ -147,18 +159,28 @@ impl TextLagrangian {
             .map(String::as_str)
             .chain(source.parameters.iter().map(|(name, _)| name.as_str()))
             .collect();
-        let mut parse = |field: Field, text: &str| {
+        let mut note = |field: Field, errors: Vec<ExpressionError>| {
+            let here = |e: ExpressionError| TextProblem::new(field, Some(e.column), e.message);
+            problems.extend(errors.into_iter().map(here));
+        };
+        let mut energy = |field: Field, text: &str| {
             Expression::parse(text, &names)
-                .map_err(|errors| {
-                    let here = |e: crate::ExpressionError| {
-                        TextProblem::new(field, Some(e.column), e.message)
-                    };
-                    problems.extend(errors.into_iter().map(here));
-                })
+                .map_err(|errors| note(field, errors))
                 .ok()
         };
-        let kinetic = parse(Field::Kinetic, &source.kinetic);
-        let potential = parse(Field::Potential, &source.potential);
+        let kinetic = energy(Field::Kinetic, &source.kinetic);
+        let potential = energy(Field::Potential, &source.potential);
+        let equation = |(i, text): (usize, &String)| {
+            Equation::parse(text, &names)
+                .map_err(|errors| note(Field::Constraint(i), errors))
+                .ok()
+        };
+        let formulas: Vec<Option<Equation>> = source
+            .constraints
+            .iter()
+            .enumerate()
+            .map(equation)
+            .collect();
         if let Some(potential) = &potential {
             problems.extend((n..2 * n).filter_map(|slot| {
                 let column = potential.first_use(slot)?;
@@ -172,6 +194,10 @@ impl TextLagrangian {
                 ))
             }));
         }
+        for (i, formula) in formulas.iter().enumerate() {
+            problems.extend(constraint_problems(i, formula.as_ref(), n, &names));
+        }
+        let formulas: Vec<Equation> = formulas.into_iter().flatten().collect();
         let (Some(kinetic), Some(potential)) = (kinetic, potential) else {
             return Err(problems);
         };
@@ -181,6 +207,7 @@ impl TextLagrangian {
 
         let general = Energies { kinetic, potential };
         let value = |slot: usize| source.parameters.get(slot.checked_sub(2 * n)?).map(|p| p.1);
+        let constraints = TextConstraints::new(&source.constraints, formulas, n, value);
         let mut lagrangian = TextLagrangian {
             coordinates: coordinates(source),
             parameters: parameters(source),
@@ -188,7 +215,8 @@ impl TextLagrangian {
                 kinetic: general.kinetic.bind(value),
                 potential: general.potential.bind(value),
             },
-            warnings: unused(source, &general, &names),
+            warnings: unused(source, &general, &constraints, &names),
+            constraints,
             general,
             kinetic_is_quadratic: false,
         };
@@ -210,6 +238,11 @@ impl TextLagrangian {
     /// Where it is not, the mass matrix depends on the velocity.
     pub fn kinetic_is_quadratic(&self) -> bool {
         self.kinetic_is_quadratic
+    }
+
+    /// The constraints φ = 0; empty where there are none.
+    pub fn constraints(&self) -> &TextConstraints {
+        &self.constraints
     }
 
     /// What is probably not meant: parameters that no energy uses, velocities that T does not use.
@@ -252,22 +285,12 @@ impl TextLagrangian {
                 (twice - 4.0 * once).abs() <= 1e-9 * once.abs()
             });
         }
-        let problem = |field, name| {
-            TextProblem::new(
-                field,
-                None,
-                format!(
-                    "{name} is NaN or infinite at each of {PROBES} ordinary states (coordinates between 0.2 and 1.3): \
-                     look for a division by 0, or for sqrt, ln, asin or acos of a number outside of their domain"
-                ),
-            )
-        };
-        let mut problems = Vec::new();
+        let mut problems = self.constraints_without_value();
         if !kinetic_finite {
-            problems.push(problem(Field::Kinetic, "T"));
+            problems.push(without_value(Field::Kinetic, "T"));
         }
         if !potential_finite {
-            problems.push(problem(Field::Potential, "V"));
+            problems.push(without_value(Field::Potential, "V"));
         }
         if problems.is_empty() {
             Ok(quadratic)
@@ -275,6 +298,68 @@ impl TextLagrangian {
             Err(problems)
         }
     }
+
+    /// Constraints that are not finite at any of the ordinary states.
+    fn constraints_without_value(&self) -> Vec<TextProblem> {
+        let mut finite = vec![false; self.constraints.len()];
+        let mut values = vec![0.0; self.constraints.len()];
+        for k in 0..PROBES {
+            self.constraints
+                .residual(&probe(3 * k, self.dof(), 0.2, 1.3), &mut values);
+            for (finite, value) in finite.iter_mut().zip(&values) {
+                *finite |= value.is_finite();
+            }
+        }
+        let faulty = finite.iter().enumerate().filter(|(_, finite)| !**finite);
+        faulty
+            .map(|(i, _)| without_value(Field::Constraint(i), "φ"))
+            .collect()
+    }
+}
+
+/// Velocities in a constraint, or no coordinate.
+fn constraint_problems(
+    i: usize,
+    formula: Option<&Equation>,
+    n: usize,
+    names: &[&str],
+) -> Vec<TextProblem> {
+    let Some(formula) = formula else {
+        return Vec::new();
+    };
+    let field = Field::Constraint(i);
+    let mut problems: Vec<TextProblem> = (n..2 * n)
+        .filter_map(|slot| {
+            let (column, name) = (formula.first_use(slot)?, names.get(slot)?);
+            Some(TextProblem::new(
+                field,
+                Some(column),
+                format!(
+                    "`{name}` is a velocity: a holonomic constraint depends on the coordinates alone (its rate follows; a rolling \
+                     or rate condition that is no rate of such a formula is not holonomic)"
+                ),
+            ))
+        })
+        .collect();
+    if problems.is_empty() && (0..n).all(|slot| formula.first_use(slot).is_none()) {
+        problems.push(TextProblem::new(
+            field,
+            None,
+            "no coordinate stands in it: there is nothing that it constrains",
+        ));
+    }
+    problems
+}
+
+fn without_value(field: Field, name: &str) -> TextProblem {
+    TextProblem::new(
+        field,
+        None,
+        format!(
+            "{name} is NaN or infinite at each of {PROBES} ordinary states (coordinates between 0.2 and 1.3): \
+             look for a division by 0, or for sqrt, ln, asin or acos of a number outside of their domain"
+        ),
+    )
 }
 
 const PROBES: usize = 4;
@@ -316,7 +401,12 @@ fn parameters(source: &TextSource) -> Vec<Parameter> {
     source.parameters.iter().map(parameter).collect()
 }
 
-fn unused(source: &TextSource, energies: &Energies, names: &[&str]) -> Vec<TextProblem> {
+fn unused(
+    source: &TextSource,
+    energies: &Energies,
+    constraints: &TextConstraints,
+    names: &[&str],
+) -> Vec<TextProblem> {
     let n = source.coordinates.len();
     let mut warnings = Vec::new();
     for (slot, name) in names.iter().enumerate().skip(n) {
@@ -328,7 +418,7 @@ fn unused(source: &TextSource, energies: &Energies, names: &[&str]) -> Vec<TextP
                 None,
                 format!("T does not contain `{name}`: this coordinate moves no mass"),
             ));
-        } else if slot >= 2 * n && !in_kinetic && !in_potential {
+        } else if slot >= 2 * n && !in_kinetic && !in_potential && !constraints.uses(slot) {
             warnings.push(TextProblem::new(
                 Field::Parameter(slot - 2 * n),
                 None,

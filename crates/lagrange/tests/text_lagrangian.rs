@@ -21,6 +21,7 @@ fn source(
         kinetic: kinetic.into(),
         potential: potential.into(),
         parameters: parameters.iter().map(|&(n, x)| (n.into(), x)).collect(),
+        ..TextSource::default()
     }
 }
 
@@ -515,4 +516,70 @@ fn a_problem_is_shown_with_a_caret() {
         problems(&text)[0].render(&text),
         "kinetic, column 5: unknown name `m`; known are x, x_dot, pi, e\n0.5*m*x_dot^2\n    ^"
     );
+}
+
+/// A point mass in a vertical plane on a rod.
+fn rod(constraints: &[&str]) -> TextSource {
+    TextSource {
+        constraints: constraints.iter().map(|s| s.to_string()).collect(),
+        ..source(
+            &["x", "z"],
+            &[],
+            "0.5*m*(x_dot^2 + z_dot^2)",
+            "m*g*z",
+            &[("m", 0.2), ("g", 9.81), ("l", 0.5)],
+        )
+    }
+}
+
+#[test]
+fn a_constraint_is_a_formula_or_an_equation() {
+    use lagrange::constraint::Constraint;
+    for text in ["x^2 + z^2 - l^2", "x^2 + z^2 = l^2", "x^2 = l^2 - z^2"] {
+        let lagrangian = build(&rod(&[text]));
+        assert!(lagrangian.warnings().is_empty());
+        let mut phi = [0.0_f64];
+        lagrangian.constraints().residual(&[0.3, 0.1], &mut phi);
+        assert!((phi[0] + 0.15).abs() < 1e-15, "{text}");
+        // The derivative along the constant l.
+        let constant = |x: f64| Dual64::from_re(x);
+        let p = [constant(0.2), constant(9.81), Dual64::new(0.5, 1.0)];
+        let mut phi = [constant(0.0)];
+        let q = [constant(0.3), constant(0.1)];
+        lagrangian.constraints().residual_with(&q, &p, &mut phi);
+        assert!((phi[0].eps + 1.0).abs() < 1e-15, "{text}");
+    }
+}
+
+#[test]
+fn faulty_constraints_are_shown_with_column_and_cure() {
+    let said = |text: &str| {
+        let source = rod(&["x - z", text]);
+        let problems = TextLagrangian::new(&source).unwrap_err();
+        assert!(
+            problems.iter().all(|p| p.field == Field::Constraint(1)),
+            "{problems:?}"
+        );
+        problems[0].render(&source)
+    };
+    assert_eq!(
+        said("x^2 + zz^2 - l^2"),
+        "constraints[1], column 7: unknown name `zz`; did you mean `z`?\nx^2 + zz^2 - l^2\n      ^"
+    );
+    let moving = said("x = l*cos(z_dot)");
+    assert!(
+        moving.starts_with("constraints[1], column 11: `z_dot` is a velocity: a holonomic constraint depends on the coordinates alone"),
+        "{moving}"
+    );
+    assert!(
+        moving.ends_with("x = l*cos(z_dot)\n          ^"),
+        "{moving}"
+    );
+    assert!(said("x = l + k").starts_with("constraints[1], column 9: unknown name `k`"));
+    assert!(said("x^2 > l").starts_with("constraints[1], column 5: a constraint is an equation"));
+    assert!(said("x = z = l").starts_with("constraints[1], column 7: a second `=`"));
+    assert!(said("x =").starts_with("constraints[1], column 3: nothing stands"));
+    assert!(said("l^2 - 0.25").contains("no coordinate stands in it"));
+    assert!(said("sqrt(-1 - x^2)").contains("φ is NaN or infinite"));
+    assert!(said("").contains("column 1"));
 }

@@ -44,11 +44,17 @@ mod derivatives;
 mod factor;
 mod independent;
 mod kinematics;
+mod loops;
+mod point;
 mod project;
+mod text;
 
 pub use constrained::{Constrained, DEFAULT_RATE};
 pub use independent::Dropped;
 pub(crate) use kinematics::Room;
+pub use loops::{LinkPoint, Loop, LoopField, LoopProblem, Loops};
+pub(crate) use text::Equation;
+pub use text::TextConstraints;
 
 use nalgebra::{DMatrix, DVector};
 

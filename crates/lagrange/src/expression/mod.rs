@@ -134,7 +134,7 @@ pub struct ExpressionError {
 }
 
 impl ExpressionError {
-    fn new(text: &str, offset: usize, message: impl Into<String>) -> Self {
+    pub(crate) fn new(text: &str, offset: usize, message: impl Into<String>) -> Self {
         ExpressionError {
             offset,
             column: column(text, offset),

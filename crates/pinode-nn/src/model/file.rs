@@ -129,6 +129,7 @@ pub(super) fn parse(path: &Path, text: String, strict: bool) -> Result<Model, Er
             .unwrap_or_default(),
         path: path.to_owned(),
         mechanics: mechanism.mechanics,
+        constraints: mechanism.constraints,
         tree: mechanism.tree,
         parameter_values,
         inputs: named,

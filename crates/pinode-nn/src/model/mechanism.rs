@@ -5,10 +5,12 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use lagrange::constraint::Constraint;
 use lagrange::mechanism::Tree;
 use lagrange::{Dynamics, Mechanics, Position, Problem, Problems, TextLagrangian, TextSource};
 use lagrange::{Field, TextProblem, urdf};
 
+use super::constraints::{self, ConstraintEntry, Joined};
 use super::document::{Faults, Placed, Section, number};
 use crate::naming::{hint, nearest, quoted};
 
@@ -37,6 +39,7 @@ pub(super) struct JointFriction {
 pub(super) struct Mechanism {
     pub name: Option<String>,
     pub mechanics: Arc<dyn Mechanics>,
+    pub constraints: Vec<ConstraintEntry>,
     pub urdf: Option<UrdfFile>,
     pub tree: Option<Tree>,
     pub friction: Vec<JointFriction>,
@@ -52,12 +55,6 @@ pub(super) fn read(
     foreign: &mut Vec<Problems>,
     warnings: &mut Vec<Problems>,
 ) -> Option<Mechanism> {
-    for table in root.sections("loop", faults) {
-        faults.at(
-            table.offset,
-            "closed loops, [[loop]], are not supported yet: open the loop, or write the energies in independent coordinates in [lagrangian]",
-        );
-    }
     match (root.get("urdf"), root.get("lagrangian")) {
         (Some(urdf), Some(_)) => {
             faults.at(
@@ -73,7 +70,7 @@ pub(super) fn read(
             );
             None
         }
-        (Some(_), None) => from_urdf(root, source, strict, faults, foreign, warnings),
+        (Some(_), None) => from_urdf(root, source, text, strict, faults, foreign, warnings),
         (None, Some(_)) => from_text(root, source, text, faults, warnings),
     }
 }
@@ -81,6 +78,7 @@ pub(super) fn read(
 fn from_urdf(
     root: &Section,
     source: &Path,
+    text: &str,
     strict: bool,
     faults: &mut Faults,
     foreign: &mut Vec<Problems>,
@@ -160,19 +158,22 @@ fn from_urdf(
             }),
         }
     }
-    match Dynamics::new(read.tree.clone(), coordinates) {
-        Ok(dynamics) => Some(Mechanism {
-            name: Some(read.name),
-            mechanics: Arc::new(dynamics),
-            urdf: Some(file),
-            tree: Some(read.tree),
-            friction,
-        }),
+    let free = match Dynamics::new(read.tree.clone(), coordinates) {
+        Ok(free) => free,
         Err(e) => {
             faults.at(given.offset(), e.to_string());
-            None
+            return None;
         }
-    }
+    };
+    let joined = constraints::close_loops(free, &read.tree, root, text, faults)?;
+    Some(Mechanism {
+        name: Some(read.name),
+        mechanics: joined.mechanics(source, warnings),
+        constraints: joined.entries,
+        urdf: Some(file),
+        tree: Some(read.tree),
+        friction,
+    })
 }
 
 fn gravity(root: &Section, faults: &mut Faults) -> Option<[f64; 3]> {
@@ -288,6 +289,12 @@ fn from_text(
     faults: &mut Faults,
     warnings: &mut Vec<Problems>,
 ) -> Option<Mechanism> {
+    if let Some(first) = root.sections("loop", faults).first() {
+        faults.at(
+            first.offset,
+            "[[loop]] goes with `urdf`: write the loop as φ(q) = 0 into `constraints` of [lagrangian]",
+        );
+    }
     for key in ["gravity", "base", "mimic", "urdf_dynamics"] {
         if let Some(value) = root.get(key) {
             faults.at(
@@ -308,15 +315,6 @@ fn from_text(
         ],
         faults,
     );
-    if let Some(first) = section
-        .array("constraints", faults)
-        .and_then(|list| list.first())
-    {
-        faults.at(
-            first.span().start,
-            "`constraints` are not supported yet: write the energies in independent coordinates",
-        );
-    }
     let coordinates = section.strings("coordinates", faults);
     if coordinates.is_none() && section.get("coordinates").is_none() {
         faults.at(
@@ -326,6 +324,7 @@ fn from_text(
     }
     let coordinates = coordinates.unwrap_or_default();
     let angles = section.strings("angles", faults).unwrap_or_default();
+    let formulas = section.strings("constraints", faults).unwrap_or_default();
     let kinetic = section.needed_string("kinetic", faults);
     let potential = section.needed_string("potential", faults);
     let mut constants = Vec::new();
@@ -342,6 +341,7 @@ fn from_text(
         angles: angles.iter().map(|c| c.value.to_owned()).collect(),
         kinetic: kinetic.value.to_owned(),
         potential: potential.value.to_owned(),
+        constraints: formulas.iter().map(|c| c.value.to_owned()).collect(),
         parameters: constants
             .iter()
             .map(|(key, value)| (key.value.to_owned(), *value))
@@ -354,6 +354,9 @@ fn from_text(
             Field::Angles(i) => of(&angles, i),
             Field::Kinetic => Some(within(text, &kinetic, problem.column)),
             Field::Potential => Some(within(text, &potential, problem.column)),
+            Field::Constraint(i) => formulas
+                .get(i)
+                .map(|formula| within(text, formula, problem.column)),
             Field::Parameter(i) => constants.get(i).map(|(key, _)| key.offset()),
             _ => None,
         };
@@ -378,20 +381,32 @@ fn from_text(
                 .collect(),
         });
     }
-    let coordinates = lagrangian.coordinates().to_vec();
-    match Dynamics::new(lagrangian, coordinates) {
-        Ok(dynamics) => Some(Mechanism {
-            name: None,
-            mechanics: Arc::new(dynamics),
-            urdf: None,
-            tree: None,
-            friction: Vec::new(),
-        }),
+    let equations = lagrangian.constraints().clone();
+    let names = lagrangian.coordinates().to_vec();
+    let free = match Dynamics::new(lagrangian, names) {
+        Ok(free) => free,
         Err(e) => {
             faults.at(section.offset, e.to_string());
-            None
+            return None;
         }
-    }
+    };
+    let joined = if equations.is_empty() {
+        Joined::free(free)
+    } else {
+        let describe = |equation: usize| match formulas.get(equation) {
+            Some(formula) => (formula.value.to_owned(), formula.offset()),
+            None => (String::new(), section.offset),
+        };
+        constraints::join(free, equations, describe, text, faults)?
+    };
+    Some(Mechanism {
+        name: None,
+        mechanics: joined.mechanics(source, warnings),
+        constraints: joined.entries,
+        urdf: None,
+        tree: None,
+        friction: Vec::new(),
+    })
 }
 
 /// Byte offset in the file of character `column` (from 1) of a formula; the formula's start where escapes make that unclear.

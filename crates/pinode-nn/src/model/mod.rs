@@ -8,6 +8,7 @@
 //! angles      = ["phi"]
 //! kinetic     = "0.5*m*l^2*phi_dot^2"
 //! potential   = "-m*g*l*cos(phi)"
+//! # constraints = ["x^2 + z^2 = l^2"]  # holonomic, in coordinates and parameters: φ, meant as φ = 0, or an equation
 //! [lagrangian.parameters]
 //! m = 0.2
 //! l = 0.5
@@ -43,6 +44,12 @@
 //!
 //! # At the top, with a URDF: gravity = [0.0, 0.0, -9.81], base = "fixed", mimic = "follow" (or "ignore"), urdf_dynamics = true
 //!
+//! # [[loop]]                           # with a URDF: a point of one link is at a point of another
+//! # name = "rocker"                    # the links' names unless given
+//! # a = { link = "coupler", point = [0.3, 0.0, 0.0] }   # m, in the link's frame; its origin unless given
+//! # b = { link = "rocker", point = [0.2, 0.0, 0.0] }
+//! # components = ["x", "z"]            # of the world that coincide; all three unless given
+//!
 //! # [mass_scale]                       # with a URDF: factors on masses and inertias, by link
 //! # pole = 1.02
 //! ```
@@ -50,6 +57,7 @@
 //! With a URDF, its `<dynamics damping friction>` become `viscous_friction` and `coulomb_friction` unless `urdf_dynamics = false`
 //! or an `[[effect]]` of the same kind sits on the same joint.
 
+mod constraints;
 mod document;
 mod effects;
 mod file;
@@ -65,6 +73,7 @@ use std::sync::Arc;
 use lagrange::mechanism::Tree;
 use lagrange::{Mechanics, Problems};
 
+pub use constraints::ConstraintEntry;
 pub use sensor::{Sensor, Velocity};
 pub use tolerance::Tolerance;
 pub use write::Revision;
@@ -82,6 +91,8 @@ pub struct Model {
     pub path: PathBuf,
     /// The equations of motion without inputs and effects.
     pub mechanics: Arc<dyn Mechanics>,
+    /// The equations φ = 0 that `mechanics` obeys, the redundant ones too.
+    pub constraints: Vec<ConstraintEntry>,
     /// The bodies and joints behind `mechanics`, where they come from a URDF (before `[mass_scale]`).
     pub tree: Option<Tree>,
     /// The constants of [`Mechanics::parameters`], `[mass_scale]` applied.
