@@ -159,7 +159,7 @@ pub enum Error {
     },
     /// No state that obeys the constraints was found.
     #[error(
-        "the constraints are not satisfied: the search for φ = 0 ends at q = {q:?}, where `{name}` is {residual:e}; \
+        "the constraints are not satisfied: the search for φ = 0 ends at q = {q:?}, where `{name}` is {residual:.3e}; \
          look for equations that contradict one another, or start nearer to a configuration that closes"
     )]
     Inconsistent {

@@ -448,3 +448,86 @@ fn simulate_writes_over_none_of_its_inputs() {
     assert!(message.contains("is an input that was read"), "{message}");
     assert_eq!(std::fs::read(&model).unwrap(), before);
 }
+
+fn four_bar() -> String {
+    models()
+        .join("four_bar/four_bar.toml")
+        .display()
+        .to_string()
+}
+
+#[test]
+fn a_constrained_model_gives_multipliers_by_name() {
+    let checked = stdout_json(&pinode(&["check", "--json", &four_bar()]));
+    assert_eq!(checked["constraints"][1]["name"], "pin.z");
+    assert_eq!(checked["constraints"][1]["in_force"], true);
+
+    let states = json!({ "states": [{ "q": [0.0, 0.0, 0.0], "v": [0.0, 0.0, 0.0], "tau": [0.0, 0.0, 0.0] }] });
+    let (_dir, path) = file("states.json", &states.to_string());
+    let document = stdout_json(&pinode(&["dynamics", &four_bar(), &path]));
+    let state = &document["states"][0];
+    let list = |key: &str| -> Vec<f64> {
+        let array = state[key].as_array().unwrap();
+        array.iter().map(|x| x.as_f64().unwrap()).collect()
+    };
+    let (a, bias) = (list("acceleration"), list("bias_force"));
+    let force = |k: usize| state["multipliers"][k]["value"].as_f64().unwrap();
+    assert_eq!(state["multipliers"][0]["name"], "pin.x");
+    // M v̇ + bias = Jᵀ λ. The pin at (0.24, 0.17) moves with the coupler about the world's origin for the crank, about (0, 0.1) for
+    // the elbow, and the other way with the rocker about (0.24, 0); a turn moves (x, z) by (−z, x).
+    let columns = [(-0.17, 0.24), (-0.07, 0.24), (0.17, 0.0)];
+    for (i, (jx, jz)) in columns.into_iter().enumerate() {
+        let row = state["mass_matrix"][i].as_array().unwrap();
+        let inertial: f64 = row
+            .iter()
+            .zip(&a)
+            .map(|(m, a)| m.as_f64().unwrap() * a)
+            .sum();
+        let error = inertial + bias[i] - jx * force(0) - jz * force(1);
+        assert!(error.abs() < 1e-12, "{i}: {error:e}");
+    }
+    // At rest J v̇ = 0.
+    for component in [0, 1] {
+        let along = |c: (f64, f64)| if component == 0 { c.0 } else { c.1 };
+        let closing: f64 = columns.iter().zip(&a).map(|(c, a)| along(*c) * a).sum();
+        assert!(closing.abs() < 1e-11, "{closing:e}");
+    }
+}
+
+#[test]
+fn simulate_starts_where_the_loop_is_closed() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("swing.csv").display().to_string();
+    let simulated = pinode(&[
+        "simulate",
+        &four_bar(),
+        "--initial",
+        "0.5,0,0,0,0,0",
+        "--duration",
+        "2",
+        "--out",
+        &out,
+    ]);
+    assert!(simulated.status.success(), "{}", stderr(&simulated));
+    assert!(stderr(&simulated).contains("does not obey the constraints"));
+    let text = std::fs::read_to_string(&out).unwrap();
+    let mut rows = 0;
+    for line in text.lines().skip(1) {
+        let x: Vec<f64> = line.split(',').map(|x| x.parse().unwrap()).collect();
+        let (crank, coupler, rocker) = (x[1], x[1] + x[2], x[3]);
+        // The pin on the coupler, and on the rocker.
+        let pin = |at: (f64, f64), (x, z): (f64, f64), turn: f64| {
+            let (sin, cos) = turn.sin_cos();
+            (at.0 + x * cos - z * sin, at.1 + x * sin + z * cos)
+        };
+        let elbow = pin((0.0, 0.0), (0.0, 0.1), crank);
+        let a = pin(elbow, (0.24, 0.07), coupler);
+        let b = pin((0.24, 0.0), (0.0, 0.17), rocker);
+        assert!(
+            (a.0 - b.0).abs() < 1e-8 && (a.1 - b.1).abs() < 1e-8,
+            "{line}"
+        );
+        rows += 1;
+    }
+    assert_eq!(rows, 201);
+}

@@ -59,6 +59,10 @@ fn every_model_of_the_repository_loads_without_warnings() {
         "quanser_cartpole/quanser_cartpole.toml",
         "map_single_pendulum/map_single_pendulum.toml",
         "silverbox/silverbox.toml",
+        "four_bar/four_bar.toml",
+        "four_bar/four_bar_text.toml",
+        "slider_crank/slider_crank.toml",
+        "slider_crank/slider_crank_text.toml",
     ] {
         let model = load(path);
         assert!(model.warnings.is_empty(), "{path}: {:?}", model.warnings);
@@ -276,4 +280,87 @@ coefficient = 0.1
     let model = Model::parse(&path, without).unwrap();
     assert_eq!(model.effects.len(), 1);
     assert!(model.warnings.is_empty());
+}
+
+/// The largest entry of a, over those of b.
+fn apart(a: &nalgebra::DVector<f64>, b: &nalgebra::DVector<f64>) -> f64 {
+    (a - b).amax() / (1.0 + b.amax())
+}
+
+#[test]
+fn linkages_are_the_same_from_urdf_and_from_energies() {
+    for (name, force) in [
+        ("four_bar/four_bar", [0.4, 0.0, -0.1]),
+        ("slider_crank/slider_crank", [0.4, 0.0, -3.0]),
+    ] {
+        let urdf = load(&format!("{name}.toml")).mechanics;
+        let text = load(&format!("{name}_text.toml")).mechanics;
+        let (loops, formulas) = (urdf.constraints().unwrap(), text.constraints().unwrap());
+        assert_eq!(loops.names().len(), 2);
+        let nominal = |m: &dyn lagrange::Mechanics| m.nominal();
+        for (angle, rate) in [(0.3, 2.0), (1.7, -5.0), (-2.4, 9.0), (3.0, 0.0)] {
+            let guess = [angle, -angle, 0.0];
+            let project = |c: &dyn lagrange::constraint::Holonomic, p: &[f64]| {
+                c.project_with(&guess, &[rate, 0.0, 0.0], &[0], p).unwrap()
+            };
+            let (q, v) = project(loops, &nominal(&*urdf));
+            let (q_text, v_text) = project(formulas, &nominal(&*text));
+            for (a, b) in q.iter().chain(&v).zip(q_text.iter().chain(&v_text)) {
+                assert!((a - b).abs() < 1e-11, "{name}: {a} {b}");
+            }
+            let solve = |m: &dyn lagrange::Mechanics| {
+                let mut a = nalgebra::DVector::from_column_slice(&force);
+                let mut multipliers = nalgebra::DVector::zeros(2);
+                let (p, mut work) = (m.nominal(), m.workspace());
+                let constraints = m.constraints().unwrap();
+                constraints
+                    .multipliers_into(&q, &v, &p, &mut work, &mut a, &mut multipliers)
+                    .unwrap();
+                (a, multipliers)
+            };
+            let ((a, force_of_loop), (b, force_of_text)) = (solve(&*urdf), solve(&*text));
+            assert!(apart(&a, &b) < 1e-12, "{name} at {angle}");
+            assert!(
+                apart(&force_of_loop, &force_of_text) < 1e-12,
+                "{name} at {angle}"
+            );
+            let (t, u) = (urdf.total_energy(&q, &v), text.total_energy(&q, &v));
+            assert!((t.unwrap() - u.unwrap()).abs() < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn a_closure_across_the_plane_is_dropped_with_a_warning_that_names_it() {
+    let path = models().join("four_bar/four_bar.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let closed = text.replace("components = [\"x\", \"z\"]\n", "");
+    assert_ne!(closed, text);
+    let model = Model::parse(&path, closed).unwrap();
+    let warnings: Vec<String> = model.warnings.iter().map(|w| w.to_string()).collect();
+    assert_eq!(warnings.len(), 1);
+    assert!(
+        warnings[0].ends_with(
+            "four_bar.toml:6:1: `pin.y` is redundant and left out: no motion of the mechanism changes it"
+        ),
+        "{}",
+        warnings[0]
+    );
+    let in_force: Vec<(&str, bool)> = (model.constraints.iter())
+        .map(|c| (c.name.as_str(), c.in_force))
+        .collect();
+    assert_eq!(
+        in_force,
+        [("pin.x", true), ("pin.y", false), ("pin.z", true)]
+    );
+    // Where the two links lie in different planes, nothing can close it.
+    let crooked = text
+        .replace("components = [\"x\", \"z\"]\n", "")
+        .replace("[0.24, 0.0, 0.07]", "[0.24, 0.003, 0.07]");
+    let error = Model::parse(&path, crooked).unwrap_err().to_string();
+    assert!(
+        error.contains("four_bar.toml:6:1: the constraints are not satisfied"),
+        "{error}"
+    );
+    assert!(error.contains("`pin.y` is 3.000e-3"), "{error}");
 }

@@ -68,29 +68,62 @@ fn rolled(hybrid: &Hybrid, theta: &[f64], initial: &[f64]) -> Vec<f64> {
 
 #[test]
 fn sensitivities_of_a_roll_out_equal_differences() {
-    let hybrid = with_every_effect();
+    equal_differences(&with_every_effect(), &[0.05, 2.4, 0.3, -2.0]);
+}
+
+/// The four-bar with friction on its rocker; the lengths in its constraints are free as well.
+#[test]
+fn sensitivities_of_a_constrained_roll_out_equal_differences() {
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../models/four_bar/four_bar_text.toml"
+    );
+    let model = Model::load(Path::new(path)).unwrap();
+    let constraints = model.mechanics.constraints().unwrap();
+    let (q, v) = constraints
+        .project_with(
+            &[0.4, 0.0, 0.0],
+            &[3.0, 0.0, 0.0],
+            &[0],
+            &model.parameter_values,
+        )
+        .unwrap();
+    let mut hybrid = Hybrid::of(&model);
+    let placed = Placed {
+        kind: registry::find("viscous_friction").unwrap(),
+        target: 2,
+        smoothing: default_smoothing(true),
+    };
+    hybrid.add(placed, &[0.02], false);
+    for constant in hybrid.constants_mut() {
+        constant.tolerance = f64::INFINITY;
+    }
+    let initial: Vec<f64> = q.into_iter().chain(v).collect();
+    equal_differences(&hybrid, &initial);
+}
+
+fn equal_differences(hybrid: &Hybrid, initial: &[f64]) {
     let theta = hybrid.theta();
     let free = hybrid.free();
     assert_eq!(free.len(), theta.len());
-    let initial = [0.05, 2.4, 0.3, -2.0];
     let (t, u) = times_and_input();
     let inputs = hybrid.drive(&t, &u, SUBSTEPS, &theta, &free);
-    let mut roller = Roller::new(&hybrid, &free);
+    let mut roller = Roller::new(hybrid, &free);
     let mut out = Trajectory::default();
     roller
-        .roll_with_sensitivities(&theta, &inputs, (5, 30), &initial, &mut out)
+        .roll_with_sensitivities(&theta, &inputs, (5, 30), initial, &mut out)
         .unwrap();
-    assert_eq!(out.states, rolled(&hybrid, &theta, &initial));
+    assert_eq!(out.states, rolled(hybrid, &theta, initial));
 
-    let (nx, columns) = (4, roller.columns());
+    let (nx, columns) = (initial.len(), roller.columns());
     for column in 0..columns {
         let shifted = |h: f64| {
-            let (mut theta, mut initial) = (theta.clone(), initial);
+            let (mut theta, mut initial) = (theta.clone(), initial.to_vec());
             match column.checked_sub(nx) {
                 Some(k) => theta[free[k]] += h,
                 None => initial[column] += h,
             }
-            rolled(&hybrid, &theta, &initial)
+            rolled(hybrid, &theta, &initial)
         };
         let scale = match column.checked_sub(nx) {
             Some(k) => theta[free[k]].abs().max(0.1),
@@ -98,6 +131,7 @@ fn sensitivities_of_a_roll_out_equal_differences() {
         };
         let h = 1e-5 * scale;
         let (plus, minus) = (shifted(h), shifted(-h));
+        let (plus_2, minus_2) = (shifted(2.0 * h), shifted(-2.0 * h));
         // The zero of a sensor shifts what is read, not the motion.
         let name = hybrid
             .constants()
@@ -106,7 +140,9 @@ fn sensitivities_of_a_roll_out_equal_differences() {
         let mut largest = 0.0_f64;
         for k in 0..30 {
             for i in 0..nx {
-                let difference = (plus[k * nx + i] - minus[k * nx + i]) / (2.0 * h);
+                let at = k * nx + i;
+                let difference =
+                    (8.0 * (plus[at] - minus[at]) - (plus_2[at] - minus_2[at])) / (12.0 * h);
                 let exact = out.sensitivities[(k * columns + column) * nx + i];
                 largest = largest.max(exact.abs());
                 let error = (exact - difference).abs();

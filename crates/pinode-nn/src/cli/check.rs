@@ -145,12 +145,18 @@ fn document(model: &Model) -> Value {
             })
         })
         .collect();
+    let constraints: Vec<Value> = model
+        .constraints
+        .iter()
+        .map(|c| json!({ "name": c.name, "equation": c.description, "in_force": c.in_force }))
+        .collect();
     json!({
         "name": model.name,
         "coordinates": coordinates.iter().map(|c| json!({
             "name": c.name, "joint": c.joint, "unit": c.unit(), "wraps": c.wraps,
         })).collect::<Vec<_>>(),
         "joints": joints,
+        "constraints": constraints,
         "masses": named(bodies(model), "mass"),
         "parameters": named(constants(model), "value"),
         "inputs": inputs,
@@ -186,6 +192,21 @@ fn text(model: &Model) -> String {
         for (name, mass) in bodies(model) {
             let _ = writeln!(out, "  {name}: {mass} kg");
         }
+    }
+    if !model.constraints.is_empty() {
+        let _ = writeln!(out, "\nconstraints:");
+    }
+    for constraint in &model.constraints {
+        let redundant = if constraint.in_force {
+            ""
+        } else {
+            " (redundant, left out)"
+        };
+        let _ = writeln!(
+            out,
+            "  {}: {}{redundant}",
+            constraint.name, constraint.description
+        );
     }
     let constants = constants(model);
     if !constants.is_empty() {

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use lagrange::{Position, Problem, Problems};
+use lagrange::{Mechanics, Position, Problem, Problems, Workspace};
 use nalgebra::{DMatrix, DVector};
 use serde_json::{Value, json};
 
@@ -151,14 +151,17 @@ fn evaluate(path: &Path, model: &Model, states: &[State]) -> Result<Value, Error
             )));
             continue;
         }
-        if let Err(e) = mechanics.forward_dynamics_into(q, v, p, &mut work, &mut acceleration) {
-            problems.push(Problem::general(format!("states[{i}]: {e}")));
-            continue;
-        }
+        let multipliers = match accelerate(mechanics, (q, v), p, &mut work, &mut acceleration) {
+            Ok(multipliers) => multipliers,
+            Err(e) => {
+                problems.push(Problem::general(format!("states[{i}]: {e}")));
+                continue;
+            }
+        };
         // C is defined for T quadratic in v; where C v + G is not the bias force there is no such C.
         let error = (&coriolis * DVector::from_column_slice(v) + &gravity - &bias).amax();
         let has_coriolis = error <= 1e-9 * (1.0 + bias.amax());
-        results.push(json!({
+        let mut result = json!({
             "mass_matrix": rows(&mass),
             "coriolis_matrix": has_coriolis.then(|| rows(&coriolis)),
             "gravity_force": gravity.as_slice(),
@@ -166,7 +169,11 @@ fn evaluate(path: &Path, model: &Model, states: &[State]) -> Result<Value, Error
             "acceleration": acceleration.as_slice(),
             "kinetic_energy": kinetic,
             "potential_energy": potential,
-        }));
+        });
+        if let Some(multipliers) = multipliers {
+            result["multipliers"] = multipliers;
+        }
+        results.push(result);
     }
     if !problems.is_empty() {
         return Err(Error::Problems(Problems {
@@ -180,6 +187,37 @@ fn evaluate(path: &Path, model: &Model, states: &[State]) -> Result<Value, Error
         .map(|c| json!({ "name": c.name, "joint": c.joint, "nq": 1, "nv": 1, "unit": c.unit() }))
         .collect();
     Ok(json!({ "coordinates": coordinates, "states": results }))
+}
+
+/// `acceleration` holds Q and becomes v̇. Under constraints, M v̇ + C v + G = Q + Jᵀ λ and J v̇ + J̇ v = 0 at the state as it is
+/// given: λ by name, with the residual φ and its rate J v, which are 0 where the state obeys the constraints.
+fn accelerate(
+    mechanics: &dyn Mechanics,
+    (q, v): (&[f64], &[f64]),
+    p: &[f64],
+    work: &mut Workspace,
+    acceleration: &mut DVector<f64>,
+) -> Result<Option<Value>, lagrange::Error> {
+    let Some(constraints) = mechanics.constraints() else {
+        mechanics.forward_dynamics_into(q, v, p, work, acceleration)?;
+        return Ok(None);
+    };
+    let names = constraints.names();
+    let mut multipliers = DVector::zeros(names.len());
+    constraints.multipliers_into(q, v, p, work, acceleration, &mut multipliers)?;
+    let mut residual = DVector::zeros(names.len());
+    constraints.residual_into(q, p, work, &mut residual);
+    let mut jacobian = DMatrix::zeros(names.len(), v.len());
+    constraints.jacobian_into(q, p, work, &mut jacobian);
+    let rate = jacobian * DVector::from_column_slice(v);
+    let list: Vec<Value> = names
+        .iter()
+        .zip(multipliers.iter().zip(residual.iter().zip(rate.iter())))
+        .map(|(name, (value, (residual, rate)))| {
+            json!({ "name": name, "value": value, "residual": residual, "rate": rate })
+        })
+        .collect();
+    Ok(Some(list.into()))
 }
 
 fn rows(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {

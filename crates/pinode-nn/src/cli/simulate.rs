@@ -95,6 +95,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
             (None, Some(first)) => first,
             (None, None) => vec![0.0; 2 * n],
         };
+        let initial = consistent(&model, &run.id, initial, output)?;
         let states = simulate(&model, &run.id, &run.t, &run.u, &initial, arguments.step)?;
         samples += states.len();
         let id = arguments.log.is_some().then_some(run.id.as_str());
@@ -106,6 +107,35 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
         &json!({ "out": path, "samples": samples, "longest_step_s": arguments.step }),
         &format!("{samples} samples written to {path}\n"),
     )
+}
+
+/// Under constraints, the state on φ = 0, J v = 0 that belongs to `initial`; where it is another one, that is said.
+fn consistent(
+    model: &Model,
+    run: &str,
+    initial: Vec<f64>,
+    output: &Output,
+) -> Result<Vec<f64>, Error> {
+    let Some(constraints) = model.mechanics.constraints() else {
+        return Ok(initial);
+    };
+    let (q, v) = initial.split_at(model.mechanics.nq());
+    let (q, v) = constraints.project_with(q, v, &[], &model.parameter_values)?;
+    let consistent: Vec<f64> = q.into_iter().chain(v).collect();
+    let moved = consistent.iter().zip(&initial).map(|(a, b)| (a - b).abs());
+    let most = moved.fold(0.0, f64::max);
+    if most > 1e-9 {
+        output.note(&format!(
+            "run `{run}`: the initial state does not obey the constraints; it starts at the nearest one that does (in the metric \
+             of the mass matrix): {}",
+            consistent
+                .iter()
+                .map(|x| format!("{x:.6}"))
+                .collect::<Vec<_>>()
+                .join(", ")
+        ));
+    }
+    Ok(consistent)
 }
 
 fn check_initial(model: &Model, initial: &[f64]) -> Result<(), Error> {
