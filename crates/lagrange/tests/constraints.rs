@@ -297,3 +297,45 @@ fn stabilisation_bounds_the_drift_that_grows_without_it() {
     assert!(long.0 < 2.0 * short.0 && long.1 < 2.0 * short.1);
     assert!(unstabilised.0 > 100.0 * long.0);
 }
+
+/// A relativistic particle in a plane, c = 3 m/s: T = m c² (γ − 1) in the coordinates' sense ∂T/∂v = γ³ m v along the motion.
+struct Fast;
+
+impl Lagrangian for Fast {
+    fn dof(&self) -> usize {
+        2
+    }
+    fn kinetic<D: Scalar>(&self, _q: &[D], v: &[D]) -> D {
+        // L = −m c² √(1 − v²/c²), up to a constant.
+        let c2 = 9.0;
+        let square = (v[0] * v[0] + v[1] * v[1]) * (1.0 / c2);
+        ((-square + 1.0).sqrt() * -1.0 + 1.0) * (2.0 * c2)
+    }
+    fn potential<D: Scalar>(&self, q: &[D]) -> D {
+        q[1] * (2.0 * G)
+    }
+}
+
+#[test]
+fn a_mass_matrix_that_depends_on_velocity_is_taken_as_it_is() {
+    let rods = Rods {
+        lengths: vec![0.5],
+        as_distance: true,
+    };
+    let fast = Constrained::near(Dynamics::of(Fast), rods, &[0.1, -0.5]).unwrap();
+    let (m, l, c) = (2.0, 0.5, 3.0);
+    let (angle, rate) = (0.6_f64, 3.5_f64);
+    let (sin, cos) = angle.sin_cos();
+    let (q, v) = ([l * sin, -l * cos], [l * cos * rate, l * sin * rate]);
+    let (a, multipliers) = fast
+        .forward_dynamics_with_multipliers(&q, &v, &[0.0, 0.0])
+        .unwrap();
+    // In the angle: L = −m c² √(1 − l² φ̇²/c²) − V, so γ³ m l² φ̈ = −m g l sin φ; across the motion the inertia is γ m.
+    let gamma = 1.0 / (1.0 - (l * rate / c).powi(2)).sqrt();
+    let angular = -G * sin / (l * gamma.powi(3));
+    assert!((a[0] - l * (cos * angular - sin * rate * rate)).abs() < 1e-11);
+    assert!((a[1] - l * (sin * angular + cos * rate * rate)).abs() < 1e-11);
+    let tension = m * (G * cos + gamma * l * rate * rate);
+    assert!((multipliers[0] + tension).abs() < 1e-10, "{multipliers}");
+    check_derivatives(&fast, (&q, &v, &[0.3, -0.2]), 1e-6);
+}

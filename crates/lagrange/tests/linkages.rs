@@ -554,3 +554,82 @@ fn a_pinned_free_body_is_a_physical_pendulum() {
         assert!((force[1] - m * (z + g)).abs() < 1e-11, "{force}");
     }
 }
+
+/// A free body whose point is pinned to the world by a loop turns about that point like a body on a ball joint.
+#[test]
+fn a_floating_body_on_a_pin_turns_about_it() {
+    let text = r#"<robot name="top"><link name="world"/>
+  <link name="top"><inertial><origin xyz="0 0 0.2"/><mass value="1.5"/>
+    <inertia ixx="0.02" ixy="0.001" ixz="0" iyy="0.03" iyz="0.002" izz="0.012"/></inertial></link>
+  <joint name="free" type="floating"><parent link="world"/><child link="top"/></joint></robot>"#;
+    let tip = [0.05, -0.02, -0.1];
+    let top = closed(
+        tree(text, &Options::default()),
+        vec![pin(
+            "tip",
+            ("top", tip),
+            ("world", [0.3, 0.1, 0.4]),
+            [true; 3],
+        )],
+    );
+    assert_eq!((top.nq(), top.nv(), top.names().len()), (7, 6, 3));
+    let (q, v) = top
+        .project(
+            &[0.1, 0.2, 0.3, 0.8, 0.2, -0.4, 0.4],
+            &[0.3, -0.2, 0.5, 2.0, -1.0, 3.0],
+        )
+        .unwrap();
+    let turn = nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(
+        q[3], q[4], q[5], q[6],
+    ));
+    assert!((turn.quaternion().norm() - 1.0).abs() < 1e-15);
+    let at = Vector3::new(q[0], q[1], q[2]) + turn * Vector3::from(tip);
+    assert!((at - Vector3::new(0.3, 0.1, 0.4)).norm() < 1e-12);
+    // Euler about the pin, in the body's axes: I ω̇ + ω × I ω = r × m Rᵀ g, with I about the pin.
+    let (a, force) = top
+        .forward_dynamics_with_multipliers(&q, &v, &[0.0; 6])
+        .unwrap();
+    let omega = Vector3::new(v[3], v[4], v[5]);
+    let alpha = Vector3::new(a[3], a[4], a[5]);
+    let (m, r) = (1.5, Vector3::new(0.0, 0.0, 0.2) - Vector3::from(tip));
+    let central = nalgebra::matrix![0.02, 0.001, 0.0; 0.001, 0.03, 0.002; 0.0, 0.002, 0.012];
+    let inertia =
+        central + (nalgebra::Matrix3::identity() * r.norm_squared() - r * r.transpose()) * m;
+    let weight = turn.inverse() * Vector3::new(0.0, 0.0, -9.81 * m);
+    let error = inertia * alpha + omega.cross(&(inertia * omega)) - r.cross(&weight);
+    assert!(error.norm() < 1e-11, "{error}");
+    // Newton: the pin's force and the weight move the centre of mass, r from the pin, which is at rest.
+    let centre = alpha.cross(&r) + omega.cross(&omega.cross(&r));
+    let pin_force = turn.inverse() * Vector3::new(force[0], force[1], force[2]);
+    assert!((pin_force + weight - centre * m).norm() < 1e-11);
+
+    // Derivatives along the velocities of the body.
+    let push: Vec<f64> = (0..6).map(|i| (1.3 * f64::from(i)).sin()).collect();
+    let at = top.forward_dynamics_derivatives(&q, &v, &push).unwrap();
+    for j in 0..6 {
+        let accelerate = |h: f64| {
+            let mut twist = [0.0; 6];
+            twist[j] = h;
+            let shift = turn * Vector3::new(twist[0], twist[1], twist[2]);
+            let turned =
+                turn * nalgebra::UnitQuaternion::new(Vector3::new(twist[3], twist[4], twist[5]));
+            let u = turned.quaternion();
+            let q = [
+                q[0] + shift.x,
+                q[1] + shift.y,
+                q[2] + shift.z,
+                u.w,
+                u.i,
+                u.j,
+                u.k,
+            ];
+            top.forward_dynamics(&q, &v, &push).unwrap()
+        };
+        let h = 1e-3;
+        let numeric = ((accelerate(h) - accelerate(-h)) * 8.0
+            - (accelerate(2.0 * h) - accelerate(-2.0 * h)))
+            / (12.0 * h);
+        let error = (at.by_q.column(j) - &numeric).amax() / (1.0 + at.by_q.amax());
+        assert!(error < 1e-8, "{j}: {error:e}");
+    }
+}

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::kinematics::{Kinematics, Room, Sizes};
 use super::{Constraint, Dropped, Holonomic, factor, independent, project};
 use crate::{Coordinate, Error, ForwardDynamicsDerivatives, InverseDynamicsDerivatives};
-use crate::{Mechanics, Parameter, Workspace};
+use crate::{LANES, Mechanics, Parameter, Workspace};
 
 /// ω of the stabilisation φ̈ + 2 ω φ̇ + ω² φ = 0 unless another is asked for, 1/s: a deviation decays in some 20 ms, and the
 /// classical Runge-Kutta method is stable with steps up to 50 ms.
@@ -27,6 +27,8 @@ pub struct Constrained<M, C> {
     dropped: Vec<Dropped>,
     /// ω of the stabilisation, 1/s.
     rate: f64,
+    /// Whether M depends on v, as for a T that is not quadratic in v.
+    mass_by_velocity: bool,
 }
 
 impl<M: Mechanics, C: Constraint> Constrained<M, C> {
@@ -37,7 +39,7 @@ impl<M: Mechanics, C: Constraint> Constrained<M, C> {
     /// [`Error::Inconsistent`] when no configuration with φ = 0 is found, [`Error::ConstrainedTwice`] when `free` has constraints
     /// already.
     pub fn new(free: M, constraint: C) -> Result<Self, Error> {
-        let neutral = project::neutral(free.coordinates());
+        let neutral = crate::state::neutral(free.coordinates());
         Self::near(free, constraint, &neutral)
     }
 
@@ -56,6 +58,7 @@ impl<M: Mechanics, C: Constraint> Constrained<M, C> {
             names: names.collect(),
             kept: independent.kept,
             dropped: independent.dropped,
+            mass_by_velocity: mass_depends_on_velocity(&free),
             free,
             constraint,
             rate: DEFAULT_RATE,
@@ -215,14 +218,34 @@ impl<M: Mechanics, C: Constraint> Constrained<M, C> {
         room: &mut Room,
         out: &mut DVector<f64>,
     ) -> Result<(), Error> {
-        self.free.forward_dynamics_into(q, v, p, work, out)?;
         let kinematics = self.kinematics();
         kinematics.jacobian(q, p, room);
         kinematics.along(q, v, p, room);
-        room.jacobian.transpose_to(&mut room.response);
-        work.solve_mass(&mut room.response);
+        if let Some(free) = &mut room.free {
+            let force = out.as_slice();
+            self.free
+                .forward_dynamics_derivatives_into(q, v, force, p, &[], work, free)?;
+            out.copy_from(&free.acceleration);
+            // M⁻¹ is symmetric.
+            room.jacobian.transpose_to(&mut room.response);
+            room.product.copy_from(&free.by_force);
+            for mut column in room.response.column_iter_mut() {
+                room.force.copy_from(&column);
+                column.gemv(1.0, &room.product, &room.force, 0.0);
+            }
+        } else {
+            self.free.forward_dynamics_into(q, v, p, work, out)?;
+            self.free.mass_matrix_into(q, p, work, &mut room.mass);
+            if let Err((pivot, value)) = factor::factorise(&mut room.mass, 0.0) {
+                let q = q.to_vec();
+                return Err(Error::SingularMassMatrix { q, pivot, value });
+            }
+            room.jacobian.transpose_to(&mut room.response);
+            room.mass.solve_lower_triangular_mut(&mut room.response);
+            room.mass.tr_solve_lower_triangular_mut(&mut room.response);
+        }
         room.coupling.gemm(1.0, &room.jacobian, &room.response, 0.0);
-        if let Err((row, part)) = factor::factorise(&mut room.coupling) {
+        if let Err((row, part)) = factor::factorise(&mut room.coupling, factor::DEPENDENT) {
             return Err(self.no_multipliers(row, part, q, room));
         }
         // −(J a₀ + J̇ v + 2 ω φ̇ + ω² φ)
@@ -251,6 +274,28 @@ impl<M: Mechanics, C: Constraint> Constrained<M, C> {
             angle: part.sqrt(),
         }
     }
+}
+
+/// Whether the mass matrix at rest is not the inverse of ∂v̇/∂Q at some moving states.
+fn mass_depends_on_velocity<M: Mechanics>(free: &M) -> bool {
+    let neutral = crate::state::neutral(free.coordinates());
+    let still = vec![0.0; free.nv()];
+    (1..=3).any(|seed| {
+        let q = project::moved(
+            free.coordinates(),
+            &neutral,
+            &project::spread(seed, free.nv()),
+        );
+        let v = project::spread(seed + 7, free.nv());
+        let mass = free.mass_matrix(&q);
+        let by = free.forward_dynamics_derivatives(&q, &v, &still);
+        let (Ok(mass), Ok(by)) = (mass, by) else {
+            return false;
+        };
+        let size = mass.norm() * by.by_force.norm();
+        let identity = DMatrix::identity(free.nv(), free.nv());
+        (mass * by.by_force - identity).amax() > 1e-9 * (1.0 + size)
+    })
 }
 
 impl<M: Mechanics, C: Constraint> Holonomic for Constrained<M, C> {
@@ -314,7 +359,11 @@ impl<M: Mechanics, C: Constraint> Mechanics for Constrained<M, C> {
             nv: self.nv(),
             np: self.parameters().len(),
         };
-        work.constraint = Room::new(size, self.constraint.len(), self.kept.len());
+        let mut room = Room::new(size, self.constraint.len(), self.kept.len());
+        if self.mass_by_velocity {
+            room.free = Some(ForwardDynamicsDerivatives::zeros(size.nv, 0));
+        }
+        work.constraint = room;
         work
     }
 
@@ -376,6 +425,42 @@ impl<M: Mechanics, C: Constraint> Mechanics for Constrained<M, C> {
         out: &mut DVector<f64>,
     ) {
         self.free.inverse_dynamics_into(q, v, a, p, work, out);
+    }
+
+    fn equations_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        p: &[f64],
+        work: &mut Workspace,
+        mass: &mut DMatrix<f64>,
+        coriolis: &mut DMatrix<f64>,
+        gravity: &mut DVector<f64>,
+    ) {
+        self.free
+            .equations_into(q, v, p, work, mass, coriolis, gravity);
+    }
+
+    fn inverse_dynamics_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        a: &[[f64; LANES]],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut [[f64; LANES]],
+    ) {
+        self.free.inverse_dynamics_lanes_into(q, v, a, p, work, out);
+    }
+
+    fn mass_matrix_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut [[f64; LANES]],
+    ) {
+        self.free.mass_matrix_lanes_into(q, p, work, out);
     }
 
     /// v̇ from M v̇ = Q + Jᵀ λ − C v − G with φ̈ + 2 ω φ̇ + ω² φ = 0.

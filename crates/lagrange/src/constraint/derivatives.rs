@@ -1,15 +1,15 @@
 //! Derivatives of the constrained forward dynamics.
 //!
-//! In any variable x, with the residuals R = M v̇ + C v + G − Jᵀ λ − Q and r = φ̈ + 2 ω φ̇ + ω² φ,
+//! With the free forward dynamics F, v̇ = F(q, v, Q + Jᵀ λ) and ∂F/∂Q = M⁻¹; r = φ̈ + 2 ω φ̇ + ω² φ is 0. In any variable x,
 //!
-//! | M −Jᵀ | | ∂v̇/∂x |     | ∂R/∂x at fixed v̇, λ |
-//! | J   0 | | ∂λ/∂x | = − | ∂r/∂x at fixed v̇    |
+//! - ∂v̇/∂x = z + M⁻¹ Jᵀ ∂λ/∂x with z = ∂F/∂x + M⁻¹ ∂(Jᵀ λ)/∂x at fixed λ,
+//! - (J M⁻¹ Jᵀ) ∂λ/∂x = −∂r/∂x − J z with ∂r/∂x at fixed v̇.
 
-use nalgebra::DMatrix;
+use nalgebra::{Dyn, Matrix, StorageMut};
 
 use super::kinematics::{Room, Variable};
 use super::{Constrained, Constraint, factor};
-use crate::{Error, ForwardDynamicsDerivatives, InverseDynamicsDerivatives, Mechanics, Workspace};
+use crate::{Error, ForwardDynamicsDerivatives, Mechanics, Workspace};
 
 impl<M: Mechanics, C: Constraint> Constrained<M, C> {
     pub(super) fn derivatives(
@@ -23,59 +23,65 @@ impl<M: Mechanics, C: Constraint> Constrained<M, C> {
     ) -> Result<(), Error> {
         out.acceleration.copy_from_slice(force);
         self.solve((q, v), p, self.rate(), work, room, &mut out.acceleration)?;
+        room.force.copy_from_slice(force);
+        room.force
+            .gemv_tr(1.0, &room.jacobian, &room.multipliers, 1.0);
+        let total = std::mem::take(&mut room.force);
+        let solved = self.free().forward_dynamics_derivatives_into(
+            q,
+            v,
+            total.as_slice(),
+            p,
+            constants,
+            work,
+            out,
+        );
+        room.force = total;
+        solved?;
+
         let a = out.acceleration.as_slice();
-
-        let mut inverse = InverseDynamicsDerivatives {
-            by_q: std::mem::take(&mut out.by_q),
-            by_v: std::mem::take(&mut out.by_v),
-            by_p: std::mem::take(&mut out.by_p),
-        };
-        self.free()
-            .inverse_dynamics_derivatives_into(q, v, a, p, constants, work, &mut inverse);
-        let InverseDynamicsDerivatives { by_q, by_v, by_p } = inverse;
-        (out.by_q, out.by_v, out.by_p) = (by_q, by_v, by_p);
-        for by in [&mut out.by_q, &mut out.by_v, &mut out.by_p] {
-            by.neg_mut();
-        }
-
-        // −∂R/∂x gets + ∂(Jᵀ λ)/∂x; ∂r/∂x goes to `room.by`: q, then v, then the constants.
         let kinematics = self.kinematics();
-        let nv = v.len();
-        for j in 0..nv {
+        let rate = self.rate();
+        for j in 0..v.len() {
             let position = Variable::Position(j);
-            kinematics.by_variable((q, v, a), p, self.rate(), position, j, room);
-            kinematics.add_force_by(q, p, position, j, room, &mut out.by_q);
-            let velocity = Variable::Velocity(j);
-            kinematics.by_variable((q, v, a), p, self.rate(), velocity, nv + j, room);
+            kinematics.by_variable((q, v, a), p, rate, position, j, room);
+            kinematics.force_by(q, p, position, j, room);
         }
+        room.product.gemm(1.0, &out.by_force, &room.force_by, 0.0);
+        out.by_q += &room.product;
+        obey(&mut out.by_q, true, room);
+
+        for j in 0..v.len() {
+            let velocity = Variable::Velocity(j);
+            kinematics.by_variable((q, v, a), p, rate, velocity, j, room);
+        }
+        obey(&mut out.by_v, true, room);
+
+        // In the constants, one by one: there may be more of them than velocities.
         for (k, &constant) in constants.iter().enumerate() {
             let constant = Variable::Constant(constant);
-            kinematics.by_variable((q, v, a), p, self.rate(), constant, 2 * nv + k, room);
-            kinematics.add_force_by(q, p, constant, k, room, &mut out.by_p);
+            kinematics.by_variable((q, v, a), p, rate, constant, 0, room);
+            kinematics.force_by(q, p, constant, 0, room);
+            let force_by = room.force_by.column(0);
+            let mut column = out.by_p.columns_mut(k, 1);
+            column.gemm(1.0, &out.by_force, &force_by, 1.0);
+            obey(&mut column, true, room);
         }
-
-        out.by_force.fill_with_identity();
-        solve_columns(&mut out.by_q, Some(0), work, room);
-        solve_columns(&mut out.by_v, Some(nv), work, room);
-        solve_columns(&mut out.by_p, Some(2 * nv), work, room);
-        solve_columns(&mut out.by_force, None, work, room);
+        obey(&mut out.by_force, false, room);
         Ok(())
     }
 }
 
-/// Turns the columns x of −∂R/∂x into ∂v̇/∂x: z = M⁻¹ x, (J M⁻¹ Jᵀ) ∂λ = −∂r/∂x − J z, ∂v̇ = z + M⁻¹ Jᵀ ∂λ. The ∂r/∂x stand in
-/// `room.by` from column `first` on; none: zero.
-fn solve_columns(
-    columns: &mut DMatrix<f64>,
-    first: Option<usize>,
-    work: &Workspace,
+/// Turns the columns z into ∂v̇/∂x = z + M⁻¹ Jᵀ ∂λ/∂x, with ∂r/∂x in the first columns of `room.by`, or 0.
+fn obey<S: StorageMut<f64, Dyn, Dyn>>(
+    columns: &mut Matrix<f64, Dyn, Dyn, S>,
+    by_variable: bool,
     room: &mut Room,
 ) {
-    work.solve_mass(columns);
     for (k, mut column) in columns.column_iter_mut().enumerate() {
         room.rhs.gemv(-1.0, &room.jacobian, &column, 0.0);
-        if let Some(first) = first {
-            room.rhs -= room.by.column(first + k);
+        if by_variable {
+            room.rhs -= room.by.column(k);
         }
         factor::solve(&room.coupling, &mut room.rhs);
         column.gemv(1.0, &room.response, &room.rhs, 1.0);

@@ -1,16 +1,17 @@
-//! The Cholesky factor of J M⁻¹ Jᵀ, which says which equation depends on those before it.
+//! The Cholesky factors of M and of J M⁻¹ Jᵀ; that of the latter says which equation depends on those before it.
 
 use nalgebra::{DMatrix, DVector};
 
 /// An equation counts as dependent on the others where the square of the sine between its row of J and their span, in the metric
 /// of M⁻¹, is less than this: an angle of 1e-6 rad. λ then has no digit that could be trusted by half of them.
-const SMALLEST_PIVOT: f64 = 1e-12;
+pub(super) const DEPENDENT: f64 = 1e-12;
 
 /// A = L Lᵀ in place, L in the lower triangle.
 ///
 /// # Errors
-/// The first row that depends on those before it, and the square of the sine between them.
-pub(super) fn factorise(a: &mut DMatrix<f64>) -> Result<(), (usize, f64)> {
+/// The first row of which a part of at most `least` is independent of those before it, and that part: the square of the sine
+/// between them, in the metric that makes A of rows.
+pub(super) fn factorise(a: &mut DMatrix<f64>, least: f64) -> Result<(), (usize, f64)> {
     for j in 0..a.nrows() {
         let whole = a[(j, j)];
         let mut pivot = whole;
@@ -19,7 +20,7 @@ pub(super) fn factorise(a: &mut DMatrix<f64>) -> Result<(), (usize, f64)> {
         }
         let part = pivot / whole;
         // A row of zeros (0/0) and numbers that are not finite fail as well.
-        if !(part > SMALLEST_PIVOT && pivot.is_finite()) {
+        if !(part > least && pivot.is_finite()) {
             return Err((j, if part.is_finite() { part.max(0.0) } else { 0.0 }));
         }
         let root = pivot.sqrt();
@@ -44,14 +45,14 @@ pub(super) fn solve(factor: &DMatrix<f64>, b: &mut DVector<f64>) {
 
 #[cfg(test)]
 mod tests {
-    use super::{factorise, solve};
+    use super::{DEPENDENT, factorise, solve};
     use nalgebra::{dmatrix, dvector};
 
     #[test]
     fn the_factor_solves() {
         let a = dmatrix![4.0, 2.0, 0.4; 2.0, 3.0, -0.5; 0.4, -0.5, 1.0];
         let mut factor = a.clone();
-        factorise(&mut factor).unwrap();
+        factorise(&mut factor, DEPENDENT).unwrap();
         let mut x = dvector![1.0, -2.0, 0.3];
         let b = x.clone();
         solve(&factor, &mut x);
@@ -62,10 +63,10 @@ mod tests {
     fn the_row_that_depends_on_those_before_is_named() {
         // Rows (1, 0), (1, 1), (2, 1).
         let mut a = dmatrix![1.0, 1.0, 2.0; 1.0, 2.0, 3.0; 2.0, 3.0, 5.0];
-        let (row, part) = factorise(&mut a).unwrap_err();
+        let (row, part) = factorise(&mut a, DEPENDENT).unwrap_err();
         assert_eq!(row, 2);
         assert!(part < 1e-15);
         let mut zero = dmatrix![0.0];
-        assert_eq!(factorise(&mut zero), Err((0, 0.0)));
+        assert_eq!(factorise(&mut zero, DEPENDENT), Err((0, 0.0)));
     }
 }

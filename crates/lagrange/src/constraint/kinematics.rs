@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual64, HyperDual64, HyperHyperDual64};
 
 use super::Constraint;
-use crate::{Coordinate, Scalar};
+use crate::{Coordinate, ForwardDynamicsDerivatives, Scalar};
 
 /// What is moved in a derivative of the dynamics.
 #[derive(Clone, Copy)]
@@ -28,6 +28,15 @@ pub(crate) struct Room {
     pub bias: DVector<f64>,
     /// J, one row an equation.
     pub jacobian: DMatrix<f64>,
+    /// The Cholesky factor of M.
+    pub mass: DMatrix<f64>,
+    /// Where M depends on v: M⁻¹ is ∂v̇/∂Q of the free mechanism.
+    pub free: Option<ForwardDynamicsDerivatives>,
+    /// Q + Jᵀ λ.
+    pub force: DVector<f64>,
+    /// ∂(Jᵀ λ)/∂x and M⁻¹ times a matrix.
+    pub force_by: DMatrix<f64>,
+    pub product: DMatrix<f64>,
     /// M⁻¹ Jᵀ.
     pub response: DMatrix<f64>,
     /// J M⁻¹ Jᵀ, then its Cholesky factor.
@@ -36,7 +45,7 @@ pub(crate) struct Room {
     pub multipliers: DVector<f64>,
     /// Right-hand side of one equation for λ.
     pub rhs: DVector<f64>,
-    /// Derivatives of φ̈ + 2 ω φ̇ + ω² φ at fixed v̇, one column a variable: q, v, constants.
+    /// Derivatives of φ̈ + 2 ω φ̇ + ω² φ at fixed v̇, one column a variable.
     pub by: DMatrix<f64>,
 }
 
@@ -109,11 +118,16 @@ impl Room {
             velocity: DVector::zeros(kept),
             bias: DVector::zeros(kept),
             jacobian: DMatrix::zeros(kept, nv),
+            mass: DMatrix::zeros(nv, nv),
+            free: None,
+            force: DVector::zeros(nv),
+            force_by: DMatrix::zeros(nv, nv),
+            product: DMatrix::zeros(nv, nv),
             response: DMatrix::zeros(nv, kept),
             coupling: DMatrix::zeros(kept, kept),
             multipliers: DVector::zeros(kept),
             rhs: DVector::zeros(kept),
-            by: DMatrix::zeros(kept, 2 * nv + np),
+            by: DMatrix::zeros(kept, nv),
         }
     }
 }
@@ -266,16 +280,15 @@ impl<C: Constraint> Kinematics<'_, C> {
         }
     }
 
-    /// Adds ∂(Jᵀ λ)/∂x at fixed λ = `room.multipliers` to column `column` of `out`. ε₁ is along the velocity e_i that picks entry
-    /// i of Jᵀ λ, ε₂ along the variable.
-    pub fn add_force_by(
+    /// ∂(Jᵀ λ)/∂x at fixed λ = `room.multipliers`, into column `column` of `room.force_by`. ε₁ is along the velocity e_i that picks
+    /// entry i of Jᵀ λ, ε₂ along the variable.
+    pub fn force_by(
         &self,
         q: &[f64],
         p: &[f64],
         variable: Variable,
         column: usize,
         room: &mut Room,
-        out: &mut DMatrix<f64>,
     ) {
         let at = &mut room.hyper;
         at.set(q, &[], p);
@@ -287,7 +300,7 @@ impl<C: Constraint> Kinematics<'_, C> {
                     d.eps2 = rate.re;
                 }
             }
-            Variable::Velocity(_) => return,
+            Variable::Velocity(_) => {}
             Variable::Constant(j) => at.p[j].eps2 = 1.0,
         }
         for i in 0..at.v.len() {
@@ -303,9 +316,10 @@ impl<C: Constraint> Kinematics<'_, C> {
                 d.eps1 = 0.0;
                 d.eps1eps2 = 0.0;
             }
-            for (row, &equation) in self.kept.iter().enumerate() {
-                out[(i, column)] += room.multipliers[row] * at.out[equation].eps1eps2;
-            }
+            let terms = room.multipliers.iter().zip(self.kept);
+            room.force_by[(i, column)] = terms
+                .map(|(multiplier, &equation)| multiplier * at.out[equation].eps1eps2)
+                .sum();
         }
     }
 }

@@ -1,7 +1,6 @@
 //! Closed loops: points of two links that coincide.
 
 use super::Constraint;
-use super::point::PointOfLink;
 use crate::Scalar;
 use crate::expression::nearest;
 use crate::mechanism::Tree;
@@ -101,7 +100,9 @@ impl std::error::Error for LoopProblem {}
 #[derive(Debug, Clone)]
 pub struct Loops {
     loops: Vec<Loop>,
-    points: Vec<(PointOfLink, PointOfLink)>,
+    tree: Tree,
+    /// Links of both points of every loop.
+    links: Vec<(usize, usize)>,
     /// Loop and component of every equation.
     equations: Vec<(usize, usize)>,
 }
@@ -113,7 +114,7 @@ impl Loops {
     /// All that is wrong with them: unknown links, points that are not finite, points of one body, no component, names given twice.
     pub fn new(tree: &Tree, loops: Vec<Loop>) -> Result<Self, Vec<LoopProblem>> {
         let mut problems = Vec::new();
-        let mut points = Vec::new();
+        let mut links = Vec::new();
         for (index, l) in loops.iter().enumerate() {
             let mut refuse = |field, message| {
                 problems.push(LoopProblem {
@@ -141,20 +142,16 @@ impl Loops {
                 );
             }
             let mut place = |field, of: &LinkPoint| {
-                let link = find(tree, of)
+                find(tree, of)
                     .map_err(|message| refuse(field, message))
-                    .ok()?;
-                PointOfLink::new(tree, link, of.point)
-                    .map_err(|e| refuse(field, e.to_string()))
                     .ok()
-                    .map(|point| (link, point))
             };
             let (a, b) = (place(LoopField::A, &l.a), place(LoopField::B, &l.b));
-            let (Some((link_a, a)), Some((link_b, b))) = (a, b) else {
+            let (Some(a), Some(b)) = (a, b) else {
                 continue;
             };
             let body = |link: usize| tree.links().get(link).and_then(|link| link.body);
-            if body(link_a) == body(link_b) {
+            if body(a) == body(b) {
                 refuse(
                     LoopField::B,
                     format!(
@@ -163,7 +160,7 @@ impl Loops {
                     ),
                 );
             }
-            points.push((a, b));
+            links.push((a, b));
         }
         if !problems.is_empty() {
             return Err(problems);
@@ -174,7 +171,8 @@ impl Loops {
         });
         Ok(Loops {
             equations: equations.collect(),
-            points,
+            links,
+            tree: tree.clone(),
             loops,
         })
     }
@@ -227,8 +225,9 @@ impl Constraint for Loops {
 
     fn residual<D: Scalar>(&self, q: &[D], out: &mut [D]) {
         let mut equations = self.equations.iter().zip(out).peekable();
-        for (i, (a, b)) in self.points.iter().enumerate() {
-            let (a, b) = (a.position(q), b.position(q));
+        for (i, (l, &(a, b))) in self.loops.iter().zip(&self.links).enumerate() {
+            let a = self.tree.point_position(q, a, l.a.point);
+            let b = self.tree.point_position(q, b, l.b.point);
             while let Some(((_, component), out)) = equations.next_if(|((of, _), _)| *of == i) {
                 *out = a[*component] - b[*component];
             }

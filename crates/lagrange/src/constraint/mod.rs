@@ -45,7 +45,6 @@ mod factor;
 mod independent;
 mod kinematics;
 mod loops;
-mod point;
 mod project;
 mod text;
 

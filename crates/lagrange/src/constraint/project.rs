@@ -4,6 +4,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, SVD};
 
 use super::kinematics::{Kinematics, Room, Sizes, position_rate};
 use super::{Constraint, independent};
+use crate::state::normalize;
 use crate::{Coordinate, Error, Mechanics};
 
 /// Gauss-Newton steps before the search is given up.
@@ -13,34 +14,12 @@ const CLOSED: f64 = 1e-12;
 /// Singular values of J (in the metric of M) below this part of the largest are taken as 0.
 const SMALLEST_SINGULAR: f64 = 1e-10;
 
-/// q = 0, and the unit quaternion 1 for floating joints.
-pub(super) fn neutral(coordinates: &[Coordinate]) -> Vec<f64> {
-    let mut q = Vec::new();
-    for coordinate in coordinates {
-        if coordinate.floating {
-            q.extend([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
-        } else {
-            q.push(0.0);
-        }
-    }
-    q
-}
-
 /// q moved along the velocity `step` for one second, to first order; quaternions stay unit.
 pub(super) fn moved(coordinates: &[Coordinate], q: &[f64], step: &[f64]) -> Vec<f64> {
     let mut rate = vec![0.0; q.len()];
     position_rate(coordinates, q, step, &mut rate);
     let mut moved: Vec<f64> = q.iter().zip(&rate).map(|(q, rate)| q + rate).collect();
-    let mut start = 0;
-    for coordinate in coordinates {
-        if coordinate.floating
-            && let Some(quaternion) = moved.get_mut(start + 3..start + 7)
-        {
-            let norm = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
-            quaternion.iter_mut().for_each(|x| *x /= norm);
-        }
-        start += coordinate.nq();
-    }
+    normalize(coordinates, &mut moved);
     moved
 }
 
