@@ -13,8 +13,8 @@ use lagrange::equations::adjoint;
 use lagrange::mechanism::Tree;
 use lagrange::urdf::Options;
 use lagrange::{
-    Coordinate, Dynamics, ForwardDynamicsDerivatives, InverseDynamicsDerivatives, LANES,
-    Lagrangian, Mechanics, state,
+    Coordinate, Dynamics, ForwardDynamicsDerivatives, ForwardDynamicsGradient,
+    InverseDynamicsDerivatives, InverseDynamicsGradient, LANES, Lagrangian, Mechanics, state,
 };
 use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion, Vector3};
 use num_dual::Dual64;
@@ -322,6 +322,35 @@ proptest! {
             let sum = &mass * by + inverse;
             let scale = (case.force + inverse.amax()) * case.reach;
             close(what, sum.as_slice(), DMatrix::<f64>::zeros(n, by.ncols()).as_slice(), 1e-10 * scale)?;
+        }
+    }
+
+    #[test]
+    fn gradients_are_products_with_the_derivatives(case in case(MOST), seed in vec(-1.0..1.0, 3 * MOST + 6)) {
+        let Case { q, v, a, mechanics, .. } = &case;
+        let (n, p) = (mechanics.nv(), mechanics.nominal());
+        let weight = DVector::from_column_slice(&seed[..n]);
+        let row = weight.transpose();
+        let (mut work, w) = (mechanics.workspace(), weight.as_slice());
+        let mut inverse = InverseDynamicsGradient::zeros(n, p.len());
+        mechanics.inverse_dynamics_gradient_into(q, v, a, &p, w, &mut work, &mut inverse);
+        let by = mechanics.inverse_dynamics_derivatives(q, v, a).unwrap();
+        let tolerance = 1e-12 * case.reach * case.force * n as f64;
+        close("λᵀ ∂Q/∂q", inverse.by_q.as_slice(), (&row * &by.by_q).as_slice(), tolerance)?;
+        close("λᵀ ∂Q/∂v", inverse.by_v.as_slice(), (&row * &by.by_v).as_slice(), tolerance)?;
+        close("λᵀ ∂Q/∂p", inverse.by_p.as_slice(), (&row * &by.by_p).as_slice(), tolerance)?;
+        close("λᵀ M", inverse.by_a.as_slice(), (&row * mechanics.mass_matrix(q).unwrap()).as_slice(), tolerance)?;
+
+        let mut forward = ForwardDynamicsGradient::zeros(n, p.len());
+        mechanics.forward_dynamics_gradient_into(q, v, a, &p, w, &mut work, &mut forward).unwrap();
+        let by = mechanics.forward_dynamics_derivatives(q, v, a).unwrap();
+        for (what, gradient, by) in [
+            ("q", &forward.by_q, &by.by_q), ("v", &forward.by_v, &by.by_v),
+            ("Q", &forward.by_force, &by.by_force), ("p", &forward.by_p, &by.by_p),
+        ] {
+            let condition = case.mass * forward.by_force.amax().max(1.0 / case.mass);
+            let scale = 1e-11 * case.reach * n as f64 * condition * (1.0 + by.amax());
+            close(what, gradient.as_slice(), (&row * by).as_slice(), scale)?;
         }
     }
 

@@ -3,11 +3,12 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::equations::derivatives::inverse_dynamics_derivatives;
-use crate::equations::{Workspace, coriolis, fast, one_by_one, reference};
+use crate::equations::{Workspace, coriolis, fast, gradient, one_by_one, reference};
 use crate::trace::{Compiled, Registers};
 use crate::tree::{At, Engine, Machine};
 use crate::{Coordinate, Error, LANES, Lagrangian, Mechanics, Parameter};
-use crate::{ForwardDynamicsDerivatives, InverseDynamicsDerivatives};
+use crate::{ForwardDynamicsDerivatives, ForwardDynamicsGradient};
+use crate::{InverseDynamicsDerivatives, InverseDynamicsGradient};
 
 /// [`Mechanics`] of a [`Lagrangian`].
 ///
@@ -356,6 +357,43 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         out.by_force.fill_with_identity();
         work.solve_mass(&mut out.by_force);
         Ok(())
+    }
+
+    fn inverse_dynamics_gradient_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        a: &[f64],
+        p: &[f64],
+        weight: &[f64],
+        work: &mut Workspace,
+        out: &mut InverseDynamicsGradient,
+    ) {
+        if let Some((engine, machine)) = self.engine(work) {
+            return engine.inverse_gradient(At { q, v, p }, a, weight, machine, out);
+        }
+        gradient::of_inverse_dynamics(self, (q, v, a), p, weight, work, out);
+    }
+
+    fn forward_dynamics_gradient_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        force: &[f64],
+        p: &[f64],
+        weight: &[f64],
+        work: &mut Workspace,
+        out: &mut ForwardDynamicsGradient,
+    ) -> Result<(), Error> {
+        let Some((engine, machine)) = self.joint_by_joint(work) else {
+            return gradient::of_forward_dynamics(self, (q, v, force), p, weight, work, out);
+        };
+        out.acceleration.copy_from_slice(force);
+        engine.forward_gradient(At { q, v, p }, weight, machine, out);
+        if out.acceleration.iter().all(|a| a.is_finite()) {
+            return Ok(());
+        }
+        Err(self.no_acceleration(q, v, p, work))
     }
 
     fn inverse_dynamics_lanes_into(

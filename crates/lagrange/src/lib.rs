@@ -120,6 +120,7 @@ pub mod urdf;
 pub use dynamics::Dynamics;
 pub use equations::Workspace;
 pub use equations::derivatives::{ForwardDynamicsDerivatives, InverseDynamicsDerivatives};
+pub use equations::gradient::{ForwardDynamicsGradient, InverseDynamicsGradient};
 pub use error::{Error, Position, Problem, Problems};
 pub use expression::{Expression, ExpressionError, caret};
 pub use lagrangian::{Coordinate, Lagrangian, Parameter, Role};

@@ -3,9 +3,10 @@
 use nalgebra::{DMatrix, DVector, Matrix3};
 
 use crate::constraint::Holonomic;
-use crate::equations::{Workspace, one_by_one};
+use crate::equations::{Workspace, gradient, one_by_one};
 use crate::{Coordinate, Error, LANES, Parameter, state};
-use crate::{ForwardDynamicsDerivatives, InverseDynamicsDerivatives};
+use crate::{ForwardDynamicsDerivatives, ForwardDynamicsGradient};
+use crate::{InverseDynamicsDerivatives, InverseDynamicsGradient};
 
 /// The equations of motion of one mechanism: M(q) v̇ + C(q, v) v + G(q) = Q.
 ///
@@ -128,6 +129,38 @@ pub trait Mechanics: Send + Sync {
         work: &mut Workspace,
         out: &mut ForwardDynamicsDerivatives,
     ) -> Result<(), Error>;
+
+    /// λᵀ ∂Q/∂(q, v, v̇, p) of the inverse dynamics at (q, v, v̇ = a), for the row λ = `weight`: for a tree at the cost of a few
+    /// inverse dynamics, else from [`inverse_dynamics_derivatives_into`](Self::inverse_dynamics_derivatives_into).
+    #[allow(clippy::too_many_arguments)]
+    fn inverse_dynamics_gradient_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        a: &[f64],
+        p: &[f64],
+        weight: &[f64],
+        work: &mut Workspace,
+        out: &mut InverseDynamicsGradient,
+    ) {
+        gradient::of_inverse_dynamics(self, (q, v, a), p, weight, work, out);
+    }
+
+    /// v̇ and wᵀ ∂v̇/∂(q, v, Q, p) under Q = `force`, for the row w = `weight`; as
+    /// [`inverse_dynamics_gradient_into`](Self::inverse_dynamics_gradient_into).
+    #[allow(clippy::too_many_arguments)]
+    fn forward_dynamics_gradient_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        force: &[f64],
+        p: &[f64],
+        weight: &[f64],
+        work: &mut Workspace,
+        out: &mut ForwardDynamicsGradient,
+    ) -> Result<(), Error> {
+        gradient::of_forward_dynamics(self, (q, v, force), p, weight, work, out)
+    }
 
     /// [`inverse_dynamics_into`](Self::inverse_dynamics_into) of eight states: lane k of every entry is state k.
     fn inverse_dynamics_lanes_into(

@@ -6,7 +6,7 @@ use num_dual::{Dual64, HyperDual64, HyperHyperDual64};
 use crate::constraint::Room;
 use crate::trace::Registers;
 use crate::tree::Machine;
-use crate::{LANES, Scalar};
+use crate::{ForwardDynamicsDerivatives, InverseDynamicsDerivatives, LANES, Scalar};
 
 /// Scratch memory of one mechanism for one thread. Make it with [`Mechanics::workspace`](crate::Mechanics::workspace).
 #[derive(Debug, Clone)]
@@ -30,6 +30,16 @@ pub struct Workspace {
     /// One of many states.
     pub(crate) lane: Lane,
     pub(crate) lane_matrix: DMatrix<f64>,
+    /// Of which gradients are products, where they are not found without; made when first asked for.
+    pub(crate) derivatives: Option<Box<Derivatives>>,
+}
+
+#[derive(Debug, Clone)]
+pub(crate) struct Derivatives {
+    pub forward: ForwardDynamicsDerivatives,
+    pub inverse: InverseDynamicsDerivatives,
+    /// The indices of all constants.
+    pub all: Vec<usize>,
 }
 
 /// One state of several that are evaluated in a row, and what comes out.
@@ -116,7 +126,19 @@ impl Workspace {
                 out: DVector::zeros(nv),
             },
             lane_matrix: DMatrix::zeros(nv, nv),
+            derivatives: None,
         }
+    }
+
+    /// Taken out, to be put back.
+    pub(crate) fn take_derivatives(&mut self, nv: usize, np: usize) -> Box<Derivatives> {
+        self.derivatives.take().unwrap_or_else(|| {
+            Box::new(Derivatives {
+                forward: ForwardDynamicsDerivatives::zeros(nv, np),
+                inverse: InverseDynamicsDerivatives::zeros(nv, np),
+                all: (0..np).collect(),
+            })
+        })
     }
 
     /// Solves M x = `rhs` in place, column by column, with the factor L of M = L Lᵀ in `mass`.

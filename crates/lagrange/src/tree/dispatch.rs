@@ -2,6 +2,7 @@
 
 use super::articulated::Articulated;
 use super::common::{Axis, Moved, Sums};
+use super::gradient::Weighed;
 use super::inverse_dynamics::Link;
 use super::plan::Plan;
 use super::state::State;
@@ -17,6 +18,7 @@ pub struct TreeMemory<D> {
     pub axes: Vec<Axis<D>>,
     pub sums: Vec<Sums<D>>,
     pub articulated: Vec<Articulated<D>>,
+    pub weighed: Vec<Weighed<D>>,
     /// Q, and in its place v̇.
     pub force: Vec<D>,
     /// M in the order of the degrees of freedom, row after row; then its factor.
@@ -35,9 +37,10 @@ impl<D: Scalar> TreeMemory<D> {
             axes: Axis::memory(plan),
             sums: Sums::memory(plan),
             articulated: Articulated::memory(plan),
+            weighed: Weighed::memory(plan),
             force: vec![D::zero(); plan.nv],
             mass: vec![D::zero(); n * n],
-            rows: vec![D::zero(); 3 * n * n],
+            rows: vec![D::zero(); (3 * n * n).max(4 * n + plan.np)],
         }
     }
 }

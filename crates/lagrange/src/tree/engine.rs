@@ -5,11 +5,15 @@ use nalgebra::{DMatrix, DVector};
 use super::dispatch::Machine;
 use super::kernels::{
     At, ByMassScale, CoriolisMatrix, Equations, ForwardDerivatives, ForwardDynamics,
-    ForwardDynamicsByMass, GravityForce, InverseDerivatives, InverseDynamics, MassMatrix,
+    ForwardDynamicsByMass, ForwardGradient, GravityForce, InverseDerivatives, InverseDynamics,
+    InverseGradient, MassMatrix,
 };
 use super::plan::Plan;
 use crate::mechanism::Tree;
-use crate::{ForwardDynamicsDerivatives, InverseDynamicsDerivatives, LANES};
+use crate::{
+    ForwardDynamicsDerivatives, ForwardDynamicsGradient, InverseDynamicsDerivatives,
+    InverseDynamicsGradient, LANES,
+};
 
 /// Up to this many degrees of freedom the factor of M is faster than articulated bodies.
 const FEW: usize = 8;
@@ -184,5 +188,46 @@ impl Engine {
             column.iter_mut().for_each(|x| *x = -*x);
             machine.run(&self.plan, super::kernels::Solve { rhs: column });
         }
+    }
+
+    /// λᵀ ∂Q/∂(q, v, v̇, p).
+    pub fn inverse_gradient(
+        &self,
+        at: At<f64>,
+        a: &[f64],
+        weight: &[f64],
+        machine: &mut Machine,
+        out: &mut InverseDynamicsGradient,
+    ) {
+        let kernel = InverseGradient {
+            at,
+            a,
+            weight,
+            by_q: out.by_q.as_mut_slice(),
+            by_v: out.by_v.as_mut_slice(),
+            by_a: out.by_a.as_mut_slice(),
+            by_p: out.by_p.as_mut_slice(),
+        };
+        machine.run(&self.plan, kernel);
+    }
+
+    /// v̇ in place of Q, which `out.acceleration` holds, and wᵀ ∂v̇/∂(q, v, Q, p); not finite where there is none.
+    pub fn forward_gradient(
+        &self,
+        at: At<f64>,
+        weight: &[f64],
+        machine: &mut Machine,
+        out: &mut ForwardDynamicsGradient,
+    ) {
+        let kernel = ForwardGradient {
+            at,
+            force: out.acceleration.as_mut_slice(),
+            weight,
+            by_q: out.by_q.as_mut_slice(),
+            by_v: out.by_v.as_mut_slice(),
+            by_force: out.by_force.as_mut_slice(),
+            by_p: out.by_p.as_mut_slice(),
+        };
+        machine.run(&self.plan, kernel);
     }
 }

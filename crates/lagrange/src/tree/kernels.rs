@@ -2,10 +2,15 @@
 //!
 //! Matrices are stored column after column.
 
-use super::common::{ACCELERATION, POSITION, Sums, VELOCITY, composite, gravity, motion};
+use super::common::{
+    ACCELERATION, Axis, Moved, POSITION, Sums, VELOCITY, composite, gravity, motion,
+};
 use super::dispatch::{Kernel, Memory, TreeMemory, Width};
+use super::gradient::Weighed;
+use super::inverse_dynamics::Link;
 use super::plan::Plan;
-use super::{articulated, derivatives, factor, inverse_dynamics, matrices};
+use super::state::State;
+use super::{articulated, derivatives, factor, gradient, inverse_dynamics, matrices};
 use crate::Scalar;
 
 /// A state and the constants.
@@ -234,7 +239,7 @@ impl<T: Width> Kernel for ForwardDynamicsByMass<'_, T> {
     fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
         let memory = T::memory(memory);
         self.at.load::<F>(plan, memory);
-        memory.state.a.fill(Scalar::zero());
+        load::<T, F>(&mut memory.force, self.force);
         let TreeMemory {
             state,
             links,
@@ -246,29 +251,48 @@ impl<T: Width> Kernel for ForwardDynamicsByMass<'_, T> {
             rows,
             ..
         } = memory;
-        inverse_dynamics::inverse_dynamics(plan, state, links, force);
-        motion::<_, POSITION>(plan, state, moved, axes);
-        composite::<_, POSITION>(plan, state, moved, sums);
-        mass_by_dofs(plan, axes, sums, mass);
-        factor::factor(plan, mass);
-        for (k, dof) in plan.dofs.iter().enumerate() {
-            rows[k] = self.force[dof.v].lift() - force[dof.v];
+        accelerate(plan, state, (links, moved, axes, sums), (mass, rows), force);
+        for (to, from) in self.force.iter_mut().zip(&state.a) {
+            *to = T::drop(*from);
         }
-        factor::solve(plan, mass, &mut rows[..plan.dofs.len()], 1);
-        for (k, dof) in plan.dofs.iter().enumerate() {
-            self.force[dof.v] = T::drop(rows[k]);
-        }
+    }
+}
+
+/// v̇ under `force` through the factor of M, into `state.a`; the factor is left in `mass`.
+#[inline(always)]
+#[allow(clippy::type_complexity)]
+fn accelerate<D: Scalar>(
+    plan: &Plan,
+    state: &mut State<D>,
+    (links, moved, axes, sums): (
+        &mut [Link<D>],
+        &mut [Moved<D>],
+        &mut [Axis<D>],
+        &mut [Sums<D>],
+    ),
+    (mass, rows): (&mut [D], &mut [D]),
+    force: &[D],
+) {
+    let n = plan.dofs.len();
+    state.a.fill(D::zero());
+    let (bias, rows) = rows.split_at_mut(n);
+    inverse_dynamics::inverse_dynamics(plan, state, links, bias);
+    motion::<_, POSITION>(plan, state, moved, axes);
+    composite::<_, POSITION>(plan, state, moved, sums);
+    mass_by_dofs(plan, axes, sums, mass);
+    factor::factor(plan, mass);
+    for (row, dof) in rows.iter_mut().zip(&plan.dofs) {
+        *row = force[dof.v] - bias[dof.v];
+    }
+    factor::solve(plan, mass, &mut rows[..n], 1);
+    for (row, dof) in rows.iter().zip(&plan.dofs) {
+        state.a[dof.v] = *row;
     }
 }
 
 /// M in the order of the degrees of freedom, row after row: the diagonal and what is below it.
 #[inline(always)]
-fn mass_by_dofs<D: Scalar>(
-    plan: &Plan,
-    axes: &[super::common::Axis<D>],
-    sums: &[Sums<D>],
-    mass: &mut [D],
-) {
+fn mass_by_dofs<D: Scalar>(plan: &Plan, axes: &[Axis<D>], sums: &[Sums<D>], mass: &mut [D]) {
     let n = plan.dofs.len();
     for (k, dof) in plan.dofs.iter().enumerate() {
         let momentum = sums[dof.body].of_motion(&axes[k].s);
@@ -332,7 +356,6 @@ impl<T: Width> Kernel for ForwardDerivatives<'_, T> {
         let n = plan.dofs.len();
         let memory = T::memory(memory);
         self.at.load::<F>(plan, memory);
-        memory.state.a.fill(Scalar::zero());
         let TreeMemory {
             state,
             links,
@@ -344,19 +367,10 @@ impl<T: Width> Kernel for ForwardDerivatives<'_, T> {
             rows,
             ..
         } = memory;
-        // v̇ from M and the bias force.
-        inverse_dynamics::inverse_dynamics(plan, state, links, force);
-        motion::<_, POSITION>(plan, state, moved, axes);
-        composite::<_, POSITION>(plan, state, moved, sums);
-        mass_by_dofs(plan, axes, sums, mass);
-        factor::factor(plan, mass);
-        for (k, dof) in plan.dofs.iter().enumerate() {
-            rows[k] = self.force[dof.v].lift() - force[dof.v];
-        }
-        factor::solve(plan, mass, &mut rows[..n], 1);
-        for (k, dof) in plan.dofs.iter().enumerate() {
-            state.a[dof.v] = rows[k];
-            self.force[dof.v] = T::drop(rows[k]);
+        load::<T, F>(force, self.force);
+        accelerate(plan, state, (links, moved, axes, sums), (mass, rows), force);
+        for (to, from) in self.force.iter_mut().zip(&state.a) {
+            *to = T::drop(*from);
         }
         // −∂Q/∂q, −∂Q/∂v and 1, row after row, under M⁻¹.
         motion::<_, ACCELERATION>(plan, state, moved, axes);
@@ -439,6 +453,122 @@ impl Kernel for Solve<'_> {
         factor::solve(plan, mass, rows, 1);
         for (row, dof) in rows.iter().zip(&plan.dofs) {
             self.rhs[dof.v] = f64::drop(*row);
+        }
+    }
+}
+
+/// λᵀ ∂Q/∂(q, v, v̇, p) of the inverse dynamics.
+pub struct InverseGradient<'a, T> {
+    pub at: At<'a, T>,
+    pub a: &'a [T],
+    pub weight: &'a [T],
+    pub by_q: &'a mut [T],
+    pub by_v: &'a mut [T],
+    pub by_a: &'a mut [T],
+    pub by_p: &'a mut [T],
+}
+
+impl<T: Width> Kernel for InverseGradient<'_, T> {
+    #[inline(always)]
+    fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
+        let memory = T::memory(memory);
+        self.at.load::<F>(plan, memory);
+        load::<T, F>(&mut memory.state.a, self.a);
+        load::<T, F>(&mut memory.force, self.weight);
+        let TreeMemory {
+            state,
+            moved,
+            axes,
+            weighed,
+            force,
+            rows,
+            ..
+        } = memory;
+        let products = weigh(plan, state, (moved, axes), force, weighed, rows);
+        let outs = [self.by_q, self.by_v, self.by_a, self.by_p];
+        for (to, from) in outs.into_iter().flatten().zip(products) {
+            *to = T::drop(*from);
+        }
+    }
+}
+
+/// The products one after the other at the start of `rows`.
+#[inline(always)]
+fn weigh<'a, D: Scalar>(
+    plan: &Plan,
+    state: &State<D>,
+    (moved, axes): (&mut [Moved<D>], &mut [Axis<D>]),
+    weight: &[D],
+    weighed: &mut [Weighed<D>],
+    rows: &'a mut [D],
+) -> &'a [D] {
+    motion::<_, ACCELERATION>(plan, state, moved, axes);
+    let n = plan.nv;
+    let (by_q, rest) = rows.split_at_mut(n);
+    let (by_v, rest) = rest.split_at_mut(n);
+    let (by_a, rest) = rest.split_at_mut(n);
+    let out = gradient::Products {
+        by_q,
+        by_v,
+        by_a,
+        by_p: &mut rest[..plan.np],
+    };
+    gradient::inverse_dynamics(plan, state, (moved, axes), weight, weighed, out);
+    &rows[..3 * n + plan.np]
+}
+
+/// v̇ and wᵀ ∂v̇/∂(q, v, Q, p); for joints of which none follows another.
+///
+/// With λ = M⁻¹ w: wᵀ ∂v̇/∂x = −λᵀ ∂Q/∂x at fixed v̇, and wᵀ ∂v̇/∂Q = λᵀ.
+pub struct ForwardGradient<'a, T> {
+    pub at: At<'a, T>,
+    /// Q, and afterwards v̇.
+    pub force: &'a mut [T],
+    pub weight: &'a [T],
+    pub by_q: &'a mut [T],
+    pub by_v: &'a mut [T],
+    pub by_force: &'a mut [T],
+    pub by_p: &'a mut [T],
+}
+
+impl<T: Width> Kernel for ForwardGradient<'_, T> {
+    #[inline(always)]
+    fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
+        let n = plan.dofs.len();
+        let memory = T::memory(memory);
+        self.at.load::<F>(plan, memory);
+        let TreeMemory {
+            state,
+            links,
+            moved,
+            axes,
+            sums,
+            weighed,
+            force,
+            mass,
+            rows,
+            ..
+        } = memory;
+        load::<T, F>(force, self.force);
+        accelerate(plan, state, (links, moved, axes, sums), (mass, rows), force);
+        for (to, from) in self.force.iter_mut().zip(&state.a) {
+            *to = T::drop(*from);
+        }
+        for (row, dof) in rows.iter_mut().zip(&plan.dofs) {
+            *row = self.weight[dof.v].lift();
+        }
+        factor::solve(plan, mass, &mut rows[..n], 1);
+        for (row, dof) in rows.iter().zip(&plan.dofs) {
+            force[dof.v] = *row;
+            self.by_force[dof.v] = T::drop(*row);
+        }
+        let products = weigh(plan, state, (moved, axes), force, weighed, rows);
+        let (by_state, by_p) = (&products[..2 * n], &products[3 * n..]);
+        for (to, from) in self.by_q.iter_mut().chain(self.by_v).zip(by_state) {
+            *to = T::drop(-*from);
+        }
+        for (to, from) in self.by_p.iter_mut().zip(by_p) {
+            *to = T::drop(-*from);
         }
     }
 }

@@ -9,6 +9,7 @@
 //! | `common` | all bodies in one frame: motions, and sums over all that a joint carries |
 //! | `matrices` | M, C, G |
 //! | `derivatives` | ∂Q/∂q, ∂Q/∂v |
+//! | `gradient` | λᵀ ∂Q/∂x in O(n) |
 //! | `factor` | M = Lᵀ D L and M⁻¹ X |
 //! | `articulated` | v̇ without M |
 //!
@@ -20,6 +21,7 @@ mod derivatives;
 mod dispatch;
 mod engine;
 mod factor;
+mod gradient;
 mod inverse_dynamics;
 mod kernels;
 mod matrices;

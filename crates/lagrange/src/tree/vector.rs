@@ -140,6 +140,14 @@ impl<D: Scalar> Spatial<D> {
         }
     }
 
+    #[inline(always)]
+    pub fn times(&self, s: D) -> Self {
+        Spatial {
+            angular: scale(&self.angular, s),
+            linear: scale(&self.linear, s),
+        }
+    }
+
     /// Power of a wrench on a motion.
     #[inline(always)]
     pub fn dot(&self, other: &Self) -> D {

@@ -1,0 +1,135 @@
+//! Products of a row of weights with the derivatives of the dynamics: what reverse-mode differentiation asks for.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::Workspace;
+use super::derivatives::{ForwardDynamicsDerivatives, InverseDynamicsDerivatives};
+use crate::{Error, Mechanics};
+
+/// λᵀ ∂Q/∂x of the inverse dynamics Q(q, v, v̇; p), for one row λ.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InverseDynamicsGradient {
+    /// λᵀ ∂Q/∂q, nv entries; along the velocities where a joint floats.
+    pub by_q: DVector<f64>,
+    /// λᵀ ∂Q/∂v, nv entries.
+    pub by_v: DVector<f64>,
+    /// λᵀ ∂Q/∂v̇ = (M λ)ᵀ, nv entries.
+    pub by_a: DVector<f64>,
+    /// λᵀ ∂Q/∂p, for all constants.
+    pub by_p: DVector<f64>,
+}
+
+impl InverseDynamicsGradient {
+    /// Zeros, for `nv` degrees of freedom and `np` constants.
+    pub fn zeros(nv: usize, np: usize) -> Self {
+        InverseDynamicsGradient {
+            by_q: DVector::zeros(nv),
+            by_v: DVector::zeros(nv),
+            by_a: DVector::zeros(nv),
+            by_p: DVector::zeros(np),
+        }
+    }
+}
+
+/// The acceleration v̇(q, v, Q; p), and wᵀ ∂v̇/∂x for one row w.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ForwardDynamicsGradient {
+    /// v̇.
+    pub acceleration: DVector<f64>,
+    /// wᵀ ∂v̇/∂q, nv entries; along the velocities where a joint floats.
+    pub by_q: DVector<f64>,
+    /// wᵀ ∂v̇/∂v, nv entries.
+    pub by_v: DVector<f64>,
+    /// wᵀ ∂v̇/∂Q, nv entries: M⁻¹ w where nothing is constrained.
+    pub by_force: DVector<f64>,
+    /// wᵀ ∂v̇/∂p, for all constants.
+    pub by_p: DVector<f64>,
+}
+
+impl ForwardDynamicsGradient {
+    /// Zeros, for `nv` degrees of freedom and `np` constants.
+    pub fn zeros(nv: usize, np: usize) -> Self {
+        ForwardDynamicsGradient {
+            acceleration: DVector::zeros(nv),
+            by_q: DVector::zeros(nv),
+            by_v: DVector::zeros(nv),
+            by_force: DVector::zeros(nv),
+            by_p: DVector::zeros(np),
+        }
+    }
+
+    /// From the derivatives themselves.
+    pub(crate) fn collect(&mut self, by: &ForwardDynamicsDerivatives, weight: &[f64]) {
+        self.acceleration.copy_from(&by.acceleration);
+        for (to, by) in [
+            (&mut self.by_q, &by.by_q),
+            (&mut self.by_v, &by.by_v),
+            (&mut self.by_force, &by.by_force),
+            (&mut self.by_p, &by.by_p),
+        ] {
+            product(to, by, weight);
+        }
+    }
+}
+
+impl InverseDynamicsGradient {
+    /// From the derivatives themselves and M.
+    pub(crate) fn collect(
+        &mut self,
+        by: &InverseDynamicsDerivatives,
+        mass: &DMatrix<f64>,
+        weight: &[f64],
+    ) {
+        for (to, by) in [
+            (&mut self.by_q, &by.by_q),
+            (&mut self.by_v, &by.by_v),
+            (&mut self.by_a, mass),
+            (&mut self.by_p, &by.by_p),
+        ] {
+            product(to, by, weight);
+        }
+    }
+}
+
+/// wᵀ A.
+fn product(to: &mut DVector<f64>, by: &DMatrix<f64>, weight: &[f64]) {
+    for (to, column) in to.iter_mut().zip(by.column_iter()) {
+        *to = column.iter().zip(weight).map(|(x, w)| x * w).sum();
+    }
+}
+
+/// As a product with the derivatives.
+pub(crate) fn of_inverse_dynamics<M: Mechanics + ?Sized>(
+    mechanics: &M,
+    (q, v, a): (&[f64], &[f64], &[f64]),
+    p: &[f64],
+    weight: &[f64],
+    work: &mut Workspace,
+    out: &mut InverseDynamicsGradient,
+) {
+    let mut by = work.take_derivatives(mechanics.nv(), p.len());
+    let mut mass = std::mem::take(&mut work.lane_matrix);
+    mechanics.inverse_dynamics_derivatives_into(q, v, a, p, &by.all, work, &mut by.inverse);
+    mechanics.mass_matrix_into(q, p, work, &mut mass);
+    out.collect(&by.inverse, &mass, weight);
+    work.lane_matrix = mass;
+    work.derivatives = Some(by);
+}
+
+/// As a product with the derivatives.
+pub(crate) fn of_forward_dynamics<M: Mechanics + ?Sized>(
+    mechanics: &M,
+    (q, v, force): (&[f64], &[f64], &[f64]),
+    p: &[f64],
+    weight: &[f64],
+    work: &mut Workspace,
+    out: &mut ForwardDynamicsGradient,
+) -> Result<(), Error> {
+    let mut by = work.take_derivatives(mechanics.nv(), p.len());
+    let all = &by.all;
+    let done =
+        mechanics.forward_dynamics_derivatives_into(q, v, force, p, all, work, &mut by.forward);
+    out.collect(&by.forward, weight);
+    work.derivatives = Some(by);
+    done
+}
