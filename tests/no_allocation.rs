@@ -12,7 +12,7 @@ use lagrange::constraint::{Constrained, Constraint};
 use lagrange::urdf::Options;
 use lagrange::{
     Dynamics, ForwardDynamicsDerivatives, InverseDynamicsDerivatives, Mechanics, Scalar,
-    TextLagrangian, TextSource,
+    TextLagrangian, TextSource, state,
 };
 use nalgebra::{DMatrix, DVector};
 
@@ -226,4 +226,34 @@ fn a_base_that_floats() {
     let pose = [0.1, -0.2, 0.9, 0.5, 0.5, -0.5, 0.5];
     let q = [&pose, somewhere(6).as_slice()].concat();
     assert_no_allocation(&robot, &q);
+}
+
+#[test]
+fn poses_jacobians_and_motions_of_a_floating_tree_take_no_memory() {
+    let text = r#"<robot name="r"><link name="a"/><link name="b"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
+  <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+<joint name="p" type="planar"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint></robot>"#;
+    let options = Options {
+        floating_base: true,
+        ..Options::default()
+    };
+    let mechanics = tree(text, &options);
+    let (tree, coordinates) = (mechanics.lagrangian(), mechanics.coordinates());
+    let q = state::neutral(coordinates);
+    let v = somewhere(tree.nv());
+    let (mut moved, mut apart, mut rate) = (q.clone(), v.clone(), q.clone());
+    let mut poses = tree.poses(&q).unwrap();
+    let mut of_link = DMatrix::zeros(6, tree.nv());
+    let mut of_centre = DMatrix::zeros(3, tree.nv());
+    let counted = allocation_counter::measure(|| {
+        state::integrate_into(coordinates, &q, &v, &mut moved);
+        state::difference_into(coordinates, &q, &moved, &mut apart);
+        state::position_rate_into(coordinates, &moved, &v, &mut rate);
+        state::normalize(coordinates, &mut moved);
+        tree.poses_into(&moved, &mut poses);
+        tree.link_jacobian_into(&poses, 1, [0.1, 0.2, 0.3], &mut of_link);
+        tree.centre_of_mass_jacobian_into(&poses, &mut of_centre);
+    });
+    assert_eq!(counted.count_total, 0, "{} bytes", counted.bytes_total);
+    assert!(of_link.amax() > 0.0 && of_centre.amax() > 0.0);
 }

@@ -1,5 +1,6 @@
 //! Kinematic trees: rigid bodies joined by joints.
 
+mod assemble;
 mod inertia;
 mod jacobian;
 mod joint;
@@ -16,6 +17,6 @@ pub use joint::{Joint, JointKind, Limits, Mimic};
 pub use placement::Placement;
 pub use tree::{Body, Link, Tree};
 
+pub(crate) use assemble::{BASE, LinkSpec};
 pub(crate) use joint::JointSpec;
 pub(crate) use node::Freedom;
-pub(crate) use tree::{BASE, LinkSpec};

@@ -4,11 +4,18 @@
 //! mimic, limits and `<dynamics>`. Shapes are not needed and meshes are never opened. No file is read and no program is run: xacro files have to be
 //! expanded first.
 
+mod masses;
+mod mimics;
+mod motion;
+mod names;
 mod read;
+mod report;
 mod schema;
+mod shape;
 mod source;
 mod validate;
 mod write;
+mod xml;
 
 use crate::mechanism::Tree;
 use crate::{Problem, Problems};

@@ -2,8 +2,10 @@
 
 use nalgebra::Vector3;
 
-use super::source::{self, Report, Source, shown};
+use super::report::{Report, shown};
+use super::source::{self, Source};
 use super::validate::validate;
+use super::xml;
 use super::{JointDynamics, Options, Urdf};
 use crate::mechanism::{
     Inertial, Joint, JointKind, JointSpec, Limits, LinkSpec, Mimic, Placement, Tree,
@@ -22,7 +24,7 @@ pub fn read(text: &str, options: &Options) -> Result<Urdf, Vec<Problem>> {
             ),
         );
     }
-    let Some(document) = source::parse(text, &mut report) else {
+    let Some(document) = xml::parse(text, &mut report) else {
         return Err(report.into_errors());
     };
     let source = source::collect(&document, &mut report);

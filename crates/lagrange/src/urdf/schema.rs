@@ -1,6 +1,6 @@
 //! The elements of URDF that concern links and joints, their attributes and their numbers.
 
-use super::source::shown;
+use super::report::shown;
 
 /// An attribute that an element may have.
 pub struct Field {
