@@ -13,7 +13,7 @@ use std::path::Path;
 use common::load::tree;
 use common::motion::advance;
 use common::oracle::{
-    Agreement, folder, from_sympy, json, numbers, on_a_chain_of_angles, own_name, texts,
+    Agreement, Order, folder, from_sympy, json, numbers, on_a_chain_of_angles, texts,
 };
 use common::written::{cart_pole_as_text, double_pendulum_as_text, model, text};
 use lagrange::urdf::Options;
@@ -157,30 +157,39 @@ fn the_double_pendulum_is_its_closed_form() {
     agrees_with_hand("double pendulum (text)", &text, double_pendulum);
 }
 
-/// Reference data of a mechanism whose coordinates stand in another order: `order[k]` is our index of its coordinate k.
+/// Reference data of a mechanism, its coordinates in an order of their own.
 struct Reference<'a> {
     name: String,
-    order: Vec<usize>,
+    order: Order,
     states: &'a [Value],
 }
 
-impl Reference<'_> {
+impl<'a> Reference<'a> {
+    fn new(
+        name: String,
+        mechanics: &impl Mechanics,
+        dof_order: &[&str],
+        states: &'a Value,
+    ) -> Self {
+        let own: Vec<(String, usize, usize)> = mechanics
+            .coordinates()
+            .iter()
+            .map(|c| (c.name.clone(), c.nq(), c.nv()))
+            .collect();
+        Reference {
+            name,
+            order: Order::new(&own, dof_order),
+            states: states.as_array().unwrap(),
+        }
+    }
+
     fn vector(&self, value: &Value) -> Vec<f64> {
-        let mut out = vec![0.0; self.order.len()];
-        let pairs = self.order.iter().zip(numbers(value));
-        pairs.for_each(|(&i, x)| out[i] = x);
-        out
+        self.order.vector(value)
     }
 
     fn matrix(&self, value: &Value) -> DMatrix<f64> {
-        let n = self.order.len();
-        let mut out = DMatrix::zeros(n, n);
-        for (&i, row) in self.order.iter().zip(value.as_array().unwrap()) {
-            for (&j, x) in self.order.iter().zip(numbers(row)) {
-                out[(i, j)] = x;
-            }
-        }
-        out
+        let n = self.order.nv();
+        DMatrix::from_row_slice(n, n, &self.order.matrix(value))
     }
 
     /// Everything that is given, at every state, to `tolerance` relative to the largest entry. Christoffel's matrix takes n³ steps
@@ -192,7 +201,7 @@ impl Reference<'_> {
                 close(&what, found, expected, tolerance, scale);
             };
             let at = |key: &str| self.vector(&state[key]);
-            let (q, v, force) = (at("q"), at("v"), at("tau"));
+            let (q, v, force) = (self.order.position(state), at("v"), at("tau"));
             let mass = mechanics.mass_matrix(&q).unwrap();
             close(
                 "M",
@@ -208,6 +217,12 @@ impl Reference<'_> {
                 let found = mechanics.coriolis_matrix(&q, &v).unwrap();
                 let expected = self.matrix(&state["C_christoffel"]);
                 close("C", found.as_slice(), expected.as_slice(), 0.0);
+            }
+            if k < coriolis && state["Cv"].is_array() {
+                // Where a base floats, C v is unique and C is not.
+                let found =
+                    mechanics.coriolis_matrix(&q, &v).unwrap() * DVector::from_vec(v.clone());
+                close("C v", found.as_slice(), &at("Cv"), 0.0);
             }
             let a = mechanics.forward_dynamics(&q, &v, &force).unwrap();
             // Rounding of M and of the bias grows by the condition of M on its way to v̇.
@@ -243,7 +258,8 @@ impl Reference<'_> {
         let mut found = ForwardDynamicsDerivatives::zeros(n, 0);
         let given = |state: &&Value| state["dqdd_dq"].is_array();
         for (k, state) in self.states.iter().filter(given).enumerate() {
-            let [q, v, force] = ["q", "v", "tau"].map(|key| self.vector(&state[key]));
+            let q = self.order.position(state);
+            let [v, force] = ["v", "tau"].map(|key| self.vector(&state[key]));
             mechanics
                 .forward_dynamics_derivatives_into(&q, &v, &force, &p, &[], &mut work, &mut found)
                 .unwrap();
@@ -275,7 +291,7 @@ impl Reference<'_> {
                 1e-8,
                 0.0,
             );
-            let (q, v) = x.split_at(self.order.len());
+            let (q, v) = x.split_at(self.order.nv());
             let energy = mechanics.total_energy(q, v).unwrap();
             let expected = numbers(&trajectory["energy"])[k];
             close("energy", &[energy], &[expected], 1e-8, 1.0);
@@ -293,26 +309,17 @@ fn robot(folder: &Path, robot: &str, variant: &str) {
     let options = Options {
         source: format!("{robot}.urdf"),
         ignore_mimic: !variant.ends_with("mimic"),
+        floating_base: variant == "floating_quat",
         ..Options::default()
     };
     let mechanics = tree(&urdf, &options);
     let given = &json["variants"][variant];
-    let names: Vec<String> = mechanics
-        .coordinates()
-        .iter()
-        .map(|c| c.name.clone())
-        .collect();
-    let index = |name: &str| {
-        let (own, _) = own_name(name, &names);
-        names.iter().position(|n| *n == own).unwrap()
-    };
-    let dof_order = texts(&given["dof_order"]);
-    let reference = Reference {
-        order: dof_order.into_iter().map(index).collect(),
-        states: given["states"].as_array().unwrap(),
+    let reference = Reference::new(
         name,
-    };
-    assert_eq!(reference.order.len(), mechanics.nv());
+        &mechanics,
+        &texts(&given["dof_order"]),
+        &given["states"],
+    );
     let coriolis = if mechanics.nv() > 12 { 2 } else { usize::MAX };
     reference.agrees(&mechanics, 1e-10, coriolis);
     // Those of floating_zyx are differences of accelerations.
@@ -333,10 +340,14 @@ fn robots_agree_with_other_engines() {
         ("kuka_iiwa", "fixed"),
         ("panda", "fixed"),
         ("panda", "mimic"),
+        ("stress_tree", "planar_coords"),
+        ("stress_tree", "planar_coords_mimic"),
         ("kinova_j2s6s200", "fixed"),
         ("solo12", "fixed"),
+        ("solo12", "floating_quat"),
         ("solo12", "floating_zyx"),
         ("talos_reduced", "fixed"),
+        ("talos_reduced", "floating_quat"),
         ("talos_reduced", "floating_zyx"),
         ("pr2", "fixed"),
         ("pr2", "mimic"),
@@ -375,11 +386,11 @@ fn energies_as_text_agree_with_a_computer_algebra_system() {
             coordinates,
             ..TextSource::default()
         });
-        let reference = Reference {
-            name: name.to_owned(),
-            order: (0..mechanics.nv()).collect(),
-            states: json["states"].as_array().unwrap(),
-        };
+        let names: Vec<&str> = texts(&json["coordinates"])
+            .into_iter()
+            .map(|c| c.trim_end_matches("(t)"))
+            .collect();
+        let reference = Reference::new(name.to_owned(), &mechanics, &names, &json["states"]);
         reference.agrees(&mechanics, 1e-10, usize::MAX);
     }
 }

@@ -85,6 +85,65 @@ fn the_double_pendulum_keeps_its_energy() {
     keeps_its_energy("double pendulum (text)", &text, &initial, 1e-3, 2e-8);
 }
 
+#[test]
+fn pendulums_keep_their_energy() {
+    for (name, initial, h) in [
+        ("single_pendulum", &[2.5, 0.0][..], 1e-3),
+        ("triple_pendulum", &[1.0, -0.5, 0.7, 0.0, 1.0, 0.0], 2.5e-4),
+        ("spherical_pendulum", &[0.9, 0.3, 0.4, 1.2], 1e-3),
+        ("furuta_pendulum", &[0.0, 2.0, 3.0, 0.5], 5e-4),
+        ("bead_on_hoop", &[0.0, 0.5, 12.0, 1.0], 1e-3),
+        ("elastic_joint", &[0.4, 1.0, 2.0, -1.0], 1e-3),
+    ] {
+        let bodies = model(&format!("{name}/{name}.urdf"));
+        keeps_its_energy(name, &bodies, initial, h, 2e-8);
+    }
+}
+
+#[test]
+fn the_seven_joint_arm_keeps_its_energy() {
+    let initial = [
+        [0.3, 0.8, -0.4, 1.2, 0.5, -0.6, 0.2],
+        [0.5, -0.3, 0.4, 0.2, -0.6, 0.5, 1.0],
+    ];
+    let arm = model("arm7/arm7.urdf");
+    keeps_its_energy("arm7", &arm, &initial.concat(), 2e-4, 2e-8);
+}
+
+#[test]
+fn the_legs_of_the_quadruped_keep_their_energy() {
+    // Roll, hip and knee of every leg.
+    let (q, v) = (
+        [0.2, 0.6, -1.2].repeat(4),
+        [
+            [0.5, 1.0, -1.0],
+            [-0.5, 0.0, 2.0],
+            [1.0, -1.0, 0.0],
+            [0.0, 0.3, 0.4],
+        ],
+    );
+    let quadruped = model("quadruped/quadruped.urdf");
+    keeps_its_energy(
+        "quadruped",
+        &quadruped,
+        &[q, v.concat()].concat(),
+        2e-4,
+        2e-8,
+    );
+}
+
+#[test]
+fn the_gripper_keeps_its_energy_through_its_couplings() {
+    let initial = [0.0, 0.4, 2.0, 1.0];
+    keeps_its_energy(
+        "gripper",
+        &model("gripper/gripper.urdf"),
+        &initial,
+        1e-4,
+        2e-8,
+    );
+}
+
 /// Four hinges about oblique axes.
 fn random_tree() -> Dynamics<Tree> {
     let mut runner = TestRunner::deterministic();

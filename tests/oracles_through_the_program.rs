@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use common::oracle::{
-    Agreement, folder, from_sympy, json, numbers, on_a_chain_of_angles, own_name, texts,
+    Agreement, Order, folder, from_sympy, json, numbers, on_a_chain_of_angles, texts,
 };
 use serde_json::{Value, json as object};
 
@@ -28,15 +28,19 @@ fn pinode(arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// A model file in a folder of its own, and which of the program's numbers are which of the reference's.
+/// The output of `pinode dynamics` for `model` at `states`, which are written into `folder`.
+fn dynamics(folder: &tempfile::TempDir, model: &Path, states: &[Value]) -> Value {
+    let path = folder.path().join("states.json");
+    std::fs::write(&path, object!({ "states": states }).to_string()).unwrap();
+    let [model, states] = [model, &path].map(|p| p.to_str().unwrap());
+    serde_json::from_str(&pinode(&["dynamics", model, states])).unwrap()
+}
+
+/// A model file in a folder of its own, and where the reference's coordinates stand in what the program prints.
 struct Under {
     folder: tempfile::TempDir,
     model: PathBuf,
-    /// Place in q and in v of the reference's coordinates; the place in q is that of the velocity where a base floats.
-    q: Vec<usize>,
-    v: Vec<usize>,
-    nq: usize,
-    floats: bool,
+    order: Order,
 }
 
 impl Under {
@@ -48,77 +52,21 @@ impl Under {
         }
         let path = folder.path().join("model.toml");
         std::fs::write(&path, model).unwrap();
-        let mut under = Under {
+        let answer = dynamics(&folder, &path, &[]);
+        let own: Vec<(String, usize, usize)> = answer["coordinates"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|c| {
+                let [nq, nv] = ["nq", "nv"].map(|key| c[key].as_u64().unwrap() as usize);
+                (c["name"].as_str().unwrap().to_owned(), nq, nv)
+            })
+            .collect();
+        Under {
             folder,
             model: path,
-            q: Vec::new(),
-            v: Vec::new(),
-            nq: 0,
-            floats: false,
-        };
-        let coordinates = under.dynamics(&[])["coordinates"].clone();
-        let (mut names, mut starts, mut nv) = (Vec::new(), Vec::new(), 0);
-        for c in coordinates.as_array().unwrap() {
-            names.push(c["name"].as_str().unwrap().to_owned());
-            starts.push((under.nq, nv));
-            under.nq += c["nq"].as_u64().unwrap() as usize;
-            nv += c["nv"].as_u64().unwrap() as usize;
+            order: Order::new(&own, dof_order),
         }
-        under.floats = under.nq != nv;
-        for name in dof_order {
-            let (own, entry) = own_name(name, &names);
-            let index = names.iter().position(|n| *n == own);
-            let (q, v) = starts[index.unwrap_or_else(|| panic!("no {own} in {names:?}"))];
-            under.q.push(q + entry);
-            under.v.push(v + entry);
-        }
-        assert_eq!(under.v.len(), nv, "{names:?} against {dof_order:?}");
-        under
-    }
-
-    /// The output of `pinode dynamics` at `states`.
-    fn dynamics(&self, states: &[Value]) -> Value {
-        let path = self.folder.path().join("states.json");
-        std::fs::write(&path, object!({ "states": states }).to_string()).unwrap();
-        let [model, states] = [&self.model, &path].map(|p| p.to_str().unwrap());
-        serde_json::from_str(&pinode(&["dynamics", model, states])).unwrap()
-    }
-
-    /// q of a state of the reference, in the program's order.
-    fn position(&self, state: &Value) -> Vec<f64> {
-        let mut q = vec![0.0; self.nq];
-        let given = numbers(&state["q"]);
-        // Where the base floats, the pose is given beside q, the scalar of its quaternion last.
-        let skip = self.q.len() - given.len();
-        for (&i, x) in self.q.iter().skip(skip).zip(given) {
-            q[i] = x;
-        }
-        if self.floats {
-            q[..3].copy_from_slice(&numbers(&state["base_position"]));
-            let xyzw = numbers(&state["base_quaternion_xyzw"]);
-            q[3] = xyzw[3];
-            q[4..7].copy_from_slice(&xyzw[..3]);
-        }
-        q
-    }
-
-    /// A vector of velocities or forces of the reference, in the program's order.
-    fn vector(&self, value: &Value) -> Vec<f64> {
-        let mut out = vec![0.0; self.v.len()];
-        let pairs = self.v.iter().zip(numbers(value));
-        pairs.for_each(|(&i, x)| out[i] = x);
-        out
-    }
-
-    /// A matrix of the reference in the program's order, row by row.
-    fn matrix(&self, value: &Value) -> Vec<f64> {
-        let n = self.v.len();
-        let mut out = vec![0.0; n * n];
-        for (&i, row) in self.v.iter().zip(value.as_array().unwrap()) {
-            let row = self.vector(row);
-            out[i * n..(i + 1) * n].copy_from_slice(&row);
-        }
-        out
     }
 
     /// Every quantity at every state, to 1e-9 of its largest entry.
@@ -126,11 +74,14 @@ impl Under {
         let asked: Vec<Value> = states
             .iter()
             .map(|state| {
-                let (v, tau) = (self.vector(&state["v"]), self.vector(&state["tau"]));
-                object!({ "q": self.position(state), "v": v, "tau": tau })
+                let (v, tau) = (
+                    self.order.vector(&state["v"]),
+                    self.order.vector(&state["tau"]),
+                );
+                object!({ "q": self.order.position(state), "v": v, "tau": tau })
             })
             .collect();
-        let answer = self.dynamics(&asked);
+        let answer = dynamics(&self.folder, &self.model, &asked);
         let found = answer["states"].as_array().unwrap();
         assert_eq!(found.len(), states.len());
         for (k, (expected, found)) in states.iter().zip(found).enumerate() {
@@ -139,15 +90,15 @@ impl Under {
                 agreement.close(what, &place, found, expected, 1e-9);
             };
             let energy = |value: &Value| [value.as_f64().unwrap()];
-            let vector = |key: &str| self.vector(&expected[key]);
+            let vector = |key: &str| self.order.vector(&expected[key]);
             let (mass, coriolis) = (flat(&found["mass_matrix"]), flat(&found["coriolis_matrix"]));
             let [gravity, bias, acceleration] =
                 ["gravity_force", "bias_force", "acceleration"].map(|key| numbers(&found[key]));
-            close("M", &mass, &self.matrix(&expected["M"]));
+            close("M", &mass, &self.order.matrix(&expected["M"]));
             close("G", &gravity, &vector("G"));
             close("bias", &bias, &vector("bias"));
             if expected["C_christoffel"].is_array() {
-                let expected = self.matrix(&expected["C_christoffel"]);
+                let expected = self.order.matrix(&expected["C_christoffel"]);
                 close("C", &coriolis, &expected);
             }
             let v = vector("v");
@@ -184,7 +135,7 @@ impl Under {
         let times = numbers(&trajectory["t"]);
         let state = |k: usize| {
             let (q, v) = (&trajectory["q"][k], &trajectory["v"][k]);
-            [self.vector(q), self.vector(v)].concat()
+            [self.order.vector(q), self.order.vector(v)].concat()
         };
         let initial: Vec<String> = state(0).iter().map(f64::to_string).collect();
         let out = self.folder.path().join("trajectory.csv");
@@ -280,9 +231,7 @@ robots! {
     the_arm_panda_with_free_fingers: "panda", "fixed";
     the_arm_panda: "panda", "mimic";
     the_arm_j2s6s200: "kinova_j2s6s200", "fixed";
-    #[ignore = "planar joints are not read yet"]
     a_tree_with_a_planar_joint: "stress_tree", "planar_coords";
-    #[ignore = "planar joints are not read yet"]
     a_tree_with_a_planar_joint_and_a_coupling: "stress_tree", "planar_coords_mimic";
     the_quadruped_solo12_held: "solo12", "fixed";
     #[ignore = "floating bases are not read yet"]

@@ -32,20 +32,83 @@ pub fn texts(value: &Value) -> Vec<&str> {
     list.iter().map(|x| x.as_str().unwrap()).collect()
 }
 
-/// What this project calls a coordinate that the reference calls `name`: `base_planar_x` is `base_planar.x` of a planar joint, and
-/// `base_vx` … `base_wz` are the six velocities of `base`.
-pub fn own_name(name: &str, coordinates: &[String]) -> (String, usize) {
-    if coordinates.iter().any(|c| c == name) {
-        return (name.to_owned(), 0);
+/// Where the reference's coordinates stand among one's own, by their names.
+pub struct Order {
+    /// Place in q and in v of each of the reference's velocities.
+    places: Vec<(usize, usize)>,
+    nq: usize,
+}
+
+impl Order {
+    /// `own` are name, nq and nv of one's own coordinates; `reference` are the names of the reference's velocities.
+    pub fn new(own: &[(String, usize, usize)], reference: &[&str]) -> Self {
+        let (mut nq, mut nv) = (0, 0);
+        let mut starts = Vec::new();
+        for (name, own_nq, own_nv) in own {
+            starts.push((name.as_str(), nq, nv));
+            (nq, nv) = (nq + own_nq, nv + own_nv);
+        }
+        let place = |name: &&str| {
+            let start = |own: &str| starts.iter().find(|(n, ..)| *n == own);
+            if let Some((_, q, v)) = start(name) {
+                return (*q, *v);
+            }
+            // `base_planar_x` is our `base_planar.x`, and `base_vx` … `base_wz` are the six velocities of our `base`.
+            let (joint, entry) = name.rsplit_once('_').unwrap();
+            if let Some((_, q, v)) = start(&format!("{joint}.{entry}")) {
+                return (*q, *v);
+            }
+            let twist = ["vx", "vy", "vz", "wx", "wy", "wz"];
+            let k = twist.iter().position(|t| *t == entry);
+            match (start(joint), k) {
+                (Some((_, q, v)), Some(k)) => (q + k, v + k),
+                _ => panic!("there is no `{name}` among {own:?}"),
+            }
+        };
+        let places: Vec<(usize, usize)> = reference.iter().map(place).collect();
+        assert_eq!(places.len(), nv, "{own:?} against {reference:?}");
+        Order { places, nq }
     }
-    let twist = ["vx", "vy", "vz", "wx", "wy", "wz"];
-    match name.rsplit_once('_') {
-        Some((joint, entry)) if twist.contains(&entry) => (
-            joint.to_owned(),
-            twist.iter().position(|t| *t == entry).unwrap(),
-        ),
-        Some((joint, entry)) => (format!("{joint}.{entry}"), 0),
-        None => panic!("no coordinate `{name}` among {coordinates:?}"),
+
+    pub fn nv(&self) -> usize {
+        self.places.len()
+    }
+
+    /// q of a state of the reference.
+    pub fn position(&self, state: &Value) -> Vec<f64> {
+        let mut q = vec![0.0; self.nq];
+        let given = numbers(&state["q"]);
+        // Where the base floats, its pose is given beside q, the scalar of its quaternion last.
+        let skip = self.nv() - given.len();
+        for ((i, _), x) in self.places.iter().skip(skip).zip(given) {
+            q[*i] = x;
+        }
+        if skip > 0 {
+            let start = self.places[0].0;
+            q[start..start + 3].copy_from_slice(&numbers(&state["base_position"]));
+            let xyzw = numbers(&state["base_quaternion_xyzw"]);
+            q[start + 3] = xyzw[3];
+            q[start + 4..start + 7].copy_from_slice(&xyzw[..3]);
+        }
+        q
+    }
+
+    /// Velocities, accelerations or forces of the reference.
+    pub fn vector(&self, value: &Value) -> Vec<f64> {
+        let mut out = vec![0.0; self.nv()];
+        let pairs = self.places.iter().zip(numbers(value));
+        pairs.for_each(|((_, i), x)| out[*i] = x);
+        out
+    }
+
+    /// A matrix of the reference, row by row.
+    pub fn matrix(&self, value: &Value) -> Vec<f64> {
+        let n = self.nv();
+        let mut out = vec![0.0; n * n];
+        for ((_, i), row) in self.places.iter().zip(value.as_array().unwrap()) {
+            out[i * n..(i + 1) * n].copy_from_slice(&self.vector(row));
+        }
+        out
     }
 }
 
