@@ -811,10 +811,12 @@ proptest! {
     fn a_mutated_urdf_never_panics_and_what_is_read_has_finite_energies(
         edits in prop::collection::vec((any::<prop::sample::Index>(), prop::sample::select(vec![
             "", "<", ">", "\"", "/", "-", "e", "9", "1e308", "nan", " ", "&", "é", "<!--", "-->", "<link name=\"x\">", "</link>", "xyz=\"1 2 3\"", "pole", "cart",
-            "prismatic", "fixed", "<mimic joint=\"pole\"/>", "\u{0}",
-        ]), 0_usize..12), 1..5)
+            "prismatic", "fixed", "planar", "floating", "<mimic joint=\"pole\"/>", "\u{0}",
+        ]), 0_usize..12), 1..5),
+        floating_base: bool,
+        kind in prop::sample::select(vec!["continuous", "planar", "floating"]),
     ) {
-        let mut text = model("cartpole/cartpole.urdf");
+        let mut text = model("cartpole/cartpole.urdf").replace("continuous", kind);
         for (place, insert, removed) in edits {
             let mut start = place.index(text.len());
             while !text.is_char_boundary(start) {
@@ -826,10 +828,17 @@ proptest! {
             }
             text.replace_range(start..end, insert);
         }
-        if let Ok(urdf) = urdf::read(&text, &Options::default()) {
-            let n = urdf.tree.dof();
-            prop_assert!(urdf.tree.kinetic(&vec![0.3_f64; n], &vec![0.1_f64; n]).is_finite());
-            prop_assert!(urdf.tree.potential(&vec![0.3_f64; n]).is_finite());
+        let options = Options { floating_base, ..Options::default() };
+        if let Ok(urdf) = urdf::read(&text, &options) {
+            let tree = &urdf.tree;
+            let mut q = vec![0.3_f64; tree.nq()];
+            lagrange::state::normalize(tree.coordinates(), &mut q);
+            prop_assert!(tree.kinetic(&q, &vec![0.1_f64; tree.nv()]).is_finite());
+            prop_assert!(tree.potential(&q).is_finite());
+            // What is read can be written, and is then read as the same.
+            let again = urdf::read(&urdf::write(&urdf), &options).map_err(|p| TestCaseError::fail(p.to_string()))?;
+            prop_assert_eq!(again.tree.joints(), tree.joints());
+            prop_assert_eq!(again.tree.links(), tree.links());
         }
     }
 }
@@ -861,6 +870,16 @@ fn hostile_texts_are_read_or_refused_in_bounded_time() {
             many(&|i| {
                 format!(
                     "<link name=\"link_{i}\"/><joint name=\"j{i}\" type=\"fixed\"><parent link=\"lnik_{i}\"/><child link=\"lnk_{i}\"/></joint>"
+                )
+            }),
+        ),
+        (
+            "planar joints without end",
+            many(&|i| {
+                let (name, from, to) = (format!("j{i}"), format!("l{i}"), format!("l{}", i + 1));
+                format!(
+                    "<link name=\"l{i}\"/>{}",
+                    joint(&name, "planar", &from, &to, "")
                 )
             }),
         ),

@@ -14,7 +14,8 @@
 //! | Q | generalized force, on the right-hand side: all that T and V do not contain | [`inverse_dynamics`](Mechanics::inverse_dynamics) |
 //! | v̇ | acceleration, M⁻¹ (Q − C v − G) | [`forward_dynamics`](Mechanics::forward_dynamics) |
 //!
-//! Units are SI: m, rad, kg, s, N, N·m, J. v is dq/dt, one velocity a coordinate. The energy T + V changes at the rate Q · v.
+//! Units are SI: m, rad, kg, s, N, N·m, J. v is dq/dt, one velocity a coordinate; only where a joint floats, q holds a pose and v the
+//! velocities in the moved body's axes ([`state`] is the arithmetic for it). The energy T + V changes at the rate Q · v.
 //!
 //! # From a URDF
 //!

@@ -73,10 +73,15 @@ pub(super) fn nearest<'n>(name: &str, known: impl Iterator<Item = &'n str>) -> S
 }
 
 /// Coordinates take their names from the joints: those of a planar joint, and of a base that floats, must be left to them.
-pub(super) fn coordinate_names(source: &Source, floating_base: bool, report: &mut Report) {
+pub(super) fn coordinate_names(
+    source: &Source,
+    joints: &Names,
+    floating_base: bool,
+    report: &mut Report,
+) {
     let moving = |name: &str| {
-        let found = source.joints.iter().filter(|j| is_moving(j));
-        found.into_iter().find(|j| j.name.value == name)
+        let found = joints.get(name).and_then(|j| source.joints.get(j));
+        found.filter(|joint| is_moving(joint))
     };
     if floating_base && let Some(joint) = moving(BASE) {
         report.error(

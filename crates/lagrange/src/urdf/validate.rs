@@ -22,7 +22,7 @@ pub fn validate(source: &Source, options: &Options, report: &mut Report) {
     let links = Names::of("link", source.links.iter().map(|l| &l.name), report);
     let joints = Names::of("joint", source.joints.iter().map(|j| &j.name), report);
     mimics(source, &joints, !options.ignore_mimic, report);
-    coordinate_names(source, options.floating_base, report);
+    coordinate_names(source, &joints, options.floating_base, report);
     if source.links.is_empty() {
         report.error(0, "<robot> has no <link>: there is nothing to move");
     } else if let Some(shape) = shape(source, &links, report) {
