@@ -7,6 +7,7 @@ use crate::equations::{Workspace, coriolis, fast, gradient, one_by_one, referenc
 use crate::trace::{Compiled, Registers};
 use crate::tree::{At, Engine, Machine};
 use crate::{Coordinate, Error, LANES, Lagrangian, Mechanics, Parameter};
+use crate::{Formulas, FormulasError};
 use crate::{ForwardDynamicsDerivatives, ForwardDynamicsGradient};
 use crate::{InverseDynamicsDerivatives, InverseDynamicsGradient};
 
@@ -134,7 +135,7 @@ impl<L: Lagrangian> Dynamics<L> {
 }
 
 /// Whether T(q, s v) = s² T(q, v) and the parallelogram law holds at a few generic states.
-fn is_quadratic<L: Lagrangian>(lagrangian: &L) -> bool {
+pub(crate) fn is_quadratic<L: Lagrangian>(lagrangian: &L) -> bool {
     let n = lagrangian.dof();
     let generic = |seed: f64| -> Vec<f64> {
         (0..n)
@@ -171,6 +172,10 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
 
     fn workspace(&self) -> Workspace {
         self.fresh_workspace()
+    }
+
+    fn formulas(&self, bound: &[Option<f64>]) -> Result<Formulas, FormulasError> {
+        Formulas::of(&self.lagrangian, &self.coordinates, bound)
     }
 
     fn kinetic_energy_with(&self, q: &[f64], v: &[f64], p: &[f64]) -> f64 {

@@ -178,6 +178,19 @@ impl<const F: bool> Scalar for Lanes<F> {
     fn powi(self, n: i32) -> Self {
         self.each(|x| x.powi(n))
     }
+    // The choices of `Scalar`, lane by lane.
+    fn sign(self) -> Self {
+        self.each(Scalar::sign)
+    }
+    fn min(self, other: Self) -> Self {
+        Lanes(from_fn(|i| Scalar::min(self.0[i], other.0[i])))
+    }
+    fn max(self, other: Self) -> Self {
+        Lanes(from_fn(|i| Scalar::max(self.0[i], other.0[i])))
+    }
+    fn pow(self, exponent: Self) -> Self {
+        Lanes(from_fn(|i| Scalar::pow(self.0[i], exponent.0[i])))
+    }
     fn powf(self, n: f64) -> Self {
         self.each(|x| x.powf(n))
     }

@@ -129,3 +129,4 @@ pub use lanes::LANES;
 pub use mechanics::{Linear, Mechanics, PowerBalance};
 pub use scalar::Scalar;
 pub use text::{Field, TextLagrangian, TextProblem, TextSource};
+pub use trace::{Formulas, FormulasError, Style, Written};

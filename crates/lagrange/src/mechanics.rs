@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector, Matrix3};
 use crate::constraint::Holonomic;
 use crate::equations::{Workspace, gradient, one_by_one};
 use crate::{Coordinate, Error, LANES, Parameter, state};
+use crate::{Formulas, FormulasError};
 use crate::{ForwardDynamicsDerivatives, ForwardDynamicsGradient};
 use crate::{InverseDynamicsDerivatives, InverseDynamicsGradient};
 
@@ -205,6 +206,14 @@ pub trait Mechanics: Send + Sync {
     /// The constraints that the forward dynamics obeys, where there are some; see [`Constrained`](crate::constraint::Constrained).
     fn constraints(&self) -> Option<&dyn Holonomic> {
         None
+    }
+
+    /// M, C and G as formulas; constants for which `bound` has a number are that number, the others keep their names.
+    ///
+    /// # Errors
+    /// Those of [`Formulas::of`]; [`FormulasError::NoEnergies`] where there is nothing to write down.
+    fn formulas(&self, _bound: &[Option<f64>]) -> Result<Formulas, FormulasError> {
+        Err(FormulasError::NoEnergies)
     }
 
     /// Length of q; more than [`nv`](Self::nv) where a joint floats.

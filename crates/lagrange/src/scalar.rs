@@ -99,6 +99,33 @@ pub trait Scalar:
     fn abs(self) -> Self {
         if self.re() < 0.0 { -self } else { self }
     }
+    /// −1 below zero, else 1; flat.
+    fn sign(self) -> Self {
+        Self::constant(if self.re() < 0.0 { -1.0 } else { 1.0 })
+    }
+    /// The smaller one, `self` where they are equal; NaN on either side wins. Differentiated as chosen.
+    fn min(self, other: Self) -> Self {
+        let (a, b) = (self.re(), other.re());
+        if a <= b || a.is_nan() { self } else { other }
+    }
+    /// The larger one, `self` where they are equal; NaN on either side wins. Differentiated as chosen.
+    fn max(self, other: Self) -> Self {
+        let (a, b) = (self.re(), other.re());
+        if a >= b || a.is_nan() { self } else { other }
+    }
+    /// `self` to the power of `exponent`, exp(b ln a). At `self` ≤ 0 it has no derivative along the exponent, which is taken as a
+    /// constant there.
+    fn pow(self, exponent: Self) -> Self {
+        if self.re() > 0.0 {
+            return (exponent * self.ln()).exp();
+        }
+        let b = exponent.re();
+        if b.fract() == 0.0 && b.abs() <= 1000.0 {
+            self.powi(b as i32)
+        } else {
+            self.powf(b)
+        }
+    }
 }
 
 impl<T: DualNum<Primitive = f64> + Copy + Send + Sync> Scalar for T {

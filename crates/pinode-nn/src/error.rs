@@ -22,6 +22,9 @@ pub enum Error {
     /// The equations of motion failed.
     #[error("{0}")]
     Mechanics(lagrange::Error),
+    /// The equations cannot be written as formulas.
+    #[error("{0}")]
+    Formulas(#[from] lagrange::FormulasError),
     /// Too little data to name anything.
     #[error(
         "the logs hold {fit} windows of {window:.3} s to fit and {held_out} to hold out; {} and {} are needed: give a longer log",

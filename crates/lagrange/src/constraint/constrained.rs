@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::kinematics::{Kinematics, Room, Sizes};
 use super::{Constraint, Dropped, Holonomic, factor, independent, project};
 use crate::{Coordinate, Error, ForwardDynamicsDerivatives, InverseDynamicsDerivatives};
-use crate::{LANES, Mechanics, Parameter, Workspace};
+use crate::{Formulas, FormulasError, LANES, Mechanics, Parameter, Workspace};
 
 /// ω of the stabilisation φ̈ + 2 ω φ̇ + ω² φ = 0 unless another is asked for, 1/s: a deviation decays in some 20 ms, and the
 /// classical Runge-Kutta method is stable with steps up to 50 ms.
@@ -369,6 +369,11 @@ impl<M: Mechanics, C: Constraint> Mechanics for Constrained<M, C> {
 
     fn constraints(&self) -> Option<&dyn Holonomic> {
         Some(self)
+    }
+
+    /// M, C and G of the mechanism without its constraints, as they stand in M v̇ + C v + G = Q + Jᵀλ.
+    fn formulas(&self, bound: &[Option<f64>]) -> Result<Formulas, FormulasError> {
+        self.free.formulas(bound)
     }
 
     fn kinetic_energy_with(&self, q: &[f64], v: &[f64], p: &[f64]) -> f64 {

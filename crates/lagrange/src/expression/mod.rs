@@ -1,5 +1,6 @@
 //! Expressions as text: parsed once, evaluated on any [`Scalar`].
 
+mod function;
 mod lexer;
 mod parser;
 mod tape;
@@ -7,37 +8,9 @@ mod tape;
 use std::fmt;
 
 use crate::{Position, Scalar};
-use tape::{Binary, Tape, Unary};
+use tape::Tape;
 
-#[derive(Debug, Clone, Copy)]
-enum Function {
-    One(Unary),
-    Two(Binary),
-}
-
-/// Every function, the commonest first.
-const FUNCTIONS: &[(&str, Function)] = &[
-    ("sin", Function::One(Unary::Sin)),
-    ("cos", Function::One(Unary::Cos)),
-    ("tan", Function::One(Unary::Tan)),
-    ("asin", Function::One(Unary::Asin)),
-    ("acos", Function::One(Unary::Acos)),
-    ("atan", Function::One(Unary::Atan)),
-    ("atan2", Function::Two(Binary::Atan2)),
-    ("sinh", Function::One(Unary::Sinh)),
-    ("cosh", Function::One(Unary::Cosh)),
-    ("tanh", Function::One(Unary::Tanh)),
-    ("exp", Function::One(Unary::Exp)),
-    ("ln", Function::One(Unary::Ln)),
-    ("log", Function::One(Unary::Ln)),
-    ("sqrt", Function::One(Unary::Sqrt)),
-    ("abs", Function::One(Unary::Abs)),
-    ("min", Function::Two(Binary::Min)),
-    ("max", Function::Two(Binary::Max)),
-    ("pow", Function::Two(Binary::Pow)),
-];
-
-const CONSTANTS: &[(&str, f64)] = &[("pi", std::f64::consts::PI), ("e", std::f64::consts::E)];
+pub(crate) use function::{Binary, CONSTANTS, FUNCTIONS, Function, Unary};
 
 /// Longest text, bytes.
 const MAX_LENGTH: usize = 64 * 1024;
@@ -45,8 +18,8 @@ const MAX_LENGTH: usize = 64 * 1024;
 /// A formula, parsed.
 ///
 /// - Operators, from weak to tight: `+ -`, `* /`, sign, `^`. `^` groups to the right, so `2^3^2` is 2⁹; `-x^2` is −(x²).
-/// - Functions: `sin cos tan asin acos atan sinh cosh tanh exp sqrt abs`, `ln` and `log` (both the natural logarithm), and of two
-///   arguments `atan2(y, x) min max pow`.
+/// - Functions: `sin cos tan asin acos atan sinh cosh tanh exp sqrt abs`, `sign` (−1 below zero, else 1), `ln` and `log` (both the
+///   natural logarithm), and of two arguments `atan2(y, x) min max pow`.
 /// - Constants: `pi`, `e`. Numbers: `2`, `0.5`, `.5`, `1e-3`. A product always needs its `*`.
 ///
 /// `abs`, `min` and `max` choose by the real part and are differentiated as chosen. A power with a constant integer exponent is

@@ -1,25 +1,28 @@
 //! Tokens to a tape, by precedence climbing (Pratt).
 
 use super::lexer::{Kind, Lexer, Token};
-use super::tape::{Binary, Builder, Tape, Unary};
-use super::{CONSTANTS, ExpressionError, FUNCTIONS, Function, nearest};
+use super::tape::{Builder, Operator, Tape};
+use super::{Binary, CONSTANTS, ExpressionError, FUNCTIONS, Function, nearest};
 
 /// Parentheses, signs and powers may stand in one another this deep.
 const MAX_NESTING: usize = 200;
 /// After so many unknown names the rest of the text is not read.
 const MAX_ERRORS: usize = 20;
 
+/// The operator `^`.
+const POWER: Operator = Operator::Two(Binary::Pow);
+
 /// How tightly a sign binds its operand: weaker than `^`, tighter than `*`.
 const SIGN: u8 = 5;
 
 /// An operator with its binding power to the left and to the right.
-fn infix(kind: Kind<'_>) -> Option<(Binary, u8, u8)> {
+fn infix(kind: Kind<'_>) -> Option<(Operator, u8, u8)> {
     Some(match kind {
-        Kind::Plus => (Binary::Add, 1, 2),
-        Kind::Minus => (Binary::Sub, 1, 2),
-        Kind::Star => (Binary::Mul, 3, 4),
-        Kind::Slash => (Binary::Div, 3, 4),
-        Kind::Caret => (Binary::Pow, 8, 7),
+        Kind::Plus => (Operator::Add, 1, 2),
+        Kind::Minus => (Operator::Sub, 1, 2),
+        Kind::Star => (Operator::Mul, 3, 4),
+        Kind::Slash => (Operator::Div, 3, 4),
+        Kind::Caret => (POWER, 8, 7),
         _ => return None,
     })
 }
@@ -110,10 +113,10 @@ impl<'a> Parser<'a, '_> {
                     self.advance()?;
                     // Sums and products go on in this loop; powers are the ones that nest.
                     match operator {
-                        Binary::Pow => self.nested(right, start)?,
+                        POWER => self.nested(right, start)?,
                         _ => self.expression(right)?,
                     }
-                    self.builder.binary(operator);
+                    self.builder.operator(operator);
                     self.check_folded(start)?;
                 }
                 None if matches!(kind, Kind::Number(_) | Kind::Name(_) | Kind::Open) => {
@@ -152,7 +155,7 @@ impl<'a> Parser<'a, '_> {
             Kind::Name(name) => self.name(name, start)?,
             Kind::Minus => {
                 self.nested(SIGN, start)?;
-                self.builder.unary(Unary::Neg);
+                self.builder.negate();
             }
             Kind::Plus => self.nested(SIGN, start)?,
             Kind::Open => {
@@ -272,17 +275,14 @@ impl<'a> Parser<'a, '_> {
             self.unknown_name(name, start, "function", functions)?;
             // One value stands for the whole call.
             for _ in 1..arguments {
-                self.builder.binary(Binary::Add);
+                self.builder.operator(Operator::Add);
             }
             if arguments == 0 {
                 self.builder.constant(0.0);
             }
             return Ok(());
         };
-        let takes = match function {
-            Function::One(_) => 1,
-            Function::Two(_) => 2,
-        };
+        let takes = function.arity();
         if arguments != takes {
             let s = if takes == 1 { "" } else { "s" };
             return Err(self.error(
@@ -292,7 +292,7 @@ impl<'a> Parser<'a, '_> {
         }
         match function {
             Function::One(f) => self.builder.unary(f),
-            Function::Two(f) => self.builder.binary(f),
+            Function::Two(f) => self.builder.operator(Operator::Two(f)),
         }
         self.check_folded(start)
     }

@@ -1,76 +1,26 @@
 //! The parsed expression: operations in postfix order.
 
+use super::{Binary, Unary};
 use crate::Scalar;
 
-/// A function of one argument.
+/// What makes one value of two.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Unary {
-    Neg,
-    Sin,
-    Cos,
-    Tan,
-    Asin,
-    Acos,
-    Atan,
-    Sinh,
-    Cosh,
-    Tanh,
-    Exp,
-    Ln,
-    Sqrt,
-    Abs,
-}
-
-impl Unary {
-    pub fn apply<D: Scalar>(self, x: D) -> D {
-        match self {
-            Unary::Neg => -x,
-            Unary::Sin => x.sin(),
-            Unary::Cos => x.cos(),
-            Unary::Tan => x.tan(),
-            Unary::Asin => x.asin(),
-            Unary::Acos => x.acos(),
-            Unary::Atan => x.atan(),
-            Unary::Sinh => x.sinh(),
-            Unary::Cosh => x.cosh(),
-            Unary::Tanh => x.tanh(),
-            Unary::Exp => x.exp(),
-            Unary::Ln => x.ln(),
-            Unary::Sqrt => x.sqrt(),
-            Unary::Abs => x.abs(),
-        }
-    }
-}
-
-/// An operator, or a function of two arguments.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Binary {
+pub(super) enum Operator {
     Add,
     Sub,
     Mul,
     Div,
-    Pow,
-    Min,
-    Max,
-    Atan2,
+    Two(Binary),
 }
 
-impl Binary {
-    pub fn apply<D: Scalar>(self, a: D, b: D) -> D {
+impl Operator {
+    fn of<D: Scalar>(self, a: D, b: D) -> D {
         match self {
-            Binary::Add => a + b,
-            Binary::Sub => a - b,
-            Binary::Mul => a * b,
-            Binary::Div => a / b,
-            // aᵇ = exp(b ln a). At a ≤ 0 it has no derivative along b, and b is taken as a constant.
-            Binary::Pow if a.re() > 0.0 => (b * a.ln()).exp(),
-            Binary::Pow => constant_power(a, b.re()),
-            // The branch of the smaller real part; NaN on either side wins.
-            Binary::Min if a.re() <= b.re() || a.re().is_nan() => a,
-            Binary::Min => b,
-            Binary::Max if a.re() >= b.re() || a.re().is_nan() => a,
-            Binary::Max => b,
-            Binary::Atan2 => a.atan2(b),
+            Operator::Add => a + b,
+            Operator::Sub => a - b,
+            Operator::Mul => a * b,
+            Operator::Div => a / b,
+            Operator::Two(f) => f.of(a, b),
         }
     }
 }
@@ -91,8 +41,9 @@ fn constant_power<D: Scalar>(a: D, b: f64) -> D {
 enum Op {
     Constant(f64),
     Variable(u32),
+    Negate,
     Unary(Unary),
-    Binary(Binary),
+    Operator(Operator),
     // One constant operand: cheaper on dual numbers than a constant lifted to one.
     AddConstant(f64),
     MulConstant(f64),
@@ -136,11 +87,12 @@ impl Tape {
                     stack[height] = variable(slot as usize);
                     height += 1;
                 }
-                Op::Binary(f) => {
+                Op::Operator(f) => {
                     height -= 1;
-                    stack[height - 1] = f.apply(stack[height - 1], stack[height]);
+                    stack[height - 1] = f.of(stack[height - 1], stack[height]);
                 }
-                Op::Unary(f) => stack[height - 1] = f.apply(stack[height - 1]),
+                Op::Negate => stack[height - 1] = -stack[height - 1],
+                Op::Unary(f) => stack[height - 1] = f.of(stack[height - 1]),
                 Op::AddConstant(c) => stack[height - 1] = stack[height - 1] + c,
                 Op::MulConstant(c) => stack[height - 1] = stack[height - 1] * c,
                 Op::DivConstant(c) => stack[height - 1] = stack[height - 1] / c,
@@ -161,13 +113,14 @@ impl Tape {
                     Some(c) => b.constant(c),
                     None => b.variable(slot as usize),
                 },
+                Op::Negate => b.negate(),
                 Op::Unary(f) => b.unary(f),
-                Op::Binary(f) => b.binary(f),
-                Op::AddConstant(c) => b.with_constant(Binary::Add, c),
-                Op::MulConstant(c) => b.with_constant(Binary::Mul, c),
-                Op::DivConstant(c) => b.with_constant(Binary::Div, c),
-                Op::Powi(n) => b.with_constant(Binary::Pow, f64::from(n)),
-                Op::Powf(c) => b.with_constant(Binary::Pow, c),
+                Op::Operator(f) => b.operator(f),
+                Op::AddConstant(c) => b.with_constant(Operator::Add, c),
+                Op::MulConstant(c) => b.with_constant(Operator::Mul, c),
+                Op::DivConstant(c) => b.with_constant(Operator::Div, c),
+                Op::Powi(n) => b.with_constant(Operator::Two(Binary::Pow), f64::from(n)),
+                Op::Powf(c) => b.with_constant(Operator::Two(Binary::Pow), c),
             }
         }
         b.finish()
@@ -193,14 +146,21 @@ impl Builder {
         self.ops.push(Op::Variable(slot as u32));
     }
 
+    pub fn negate(&mut self) {
+        match self.ops.last_mut() {
+            Some(Op::Constant(c)) => *c = -*c,
+            _ => self.ops.push(Op::Negate),
+        }
+    }
+
     pub fn unary(&mut self, f: Unary) {
         match self.ops.last_mut() {
-            Some(Op::Constant(c)) => *c = f.apply(*c),
+            Some(Op::Constant(c)) => *c = f.of(*c),
             _ => self.ops.push(Op::Unary(f)),
         }
     }
 
-    pub fn binary(&mut self, f: Binary) {
+    pub fn operator(&mut self, f: Operator) {
         let Some(right) = self.starts.pop() else {
             return;
         };
@@ -212,43 +172,43 @@ impl Builder {
             (Some(a), Some(b)) => {
                 self.ops.truncate(left);
                 self.ops.push(Op::Constant(match f {
-                    Binary::Pow => constant_power(a, b),
-                    _ => f.apply(a, b),
+                    Operator::Two(Binary::Pow) => constant_power(a, b),
+                    _ => f.of(a, b),
                 }));
             }
             (None, Some(b)) => {
                 let op = match f {
-                    Binary::Add => Op::AddConstant(b),
-                    Binary::Sub => Op::AddConstant(-b),
-                    Binary::Mul => Op::MulConstant(b),
-                    Binary::Div => Op::DivConstant(b),
-                    Binary::Pow => integer(b).map_or(Op::Powf(b), Op::Powi),
-                    Binary::Min | Binary::Max | Binary::Atan2 => {
-                        self.ops.push(Op::Binary(f));
+                    Operator::Add => Op::AddConstant(b),
+                    Operator::Sub => Op::AddConstant(-b),
+                    Operator::Mul => Op::MulConstant(b),
+                    Operator::Div => Op::DivConstant(b),
+                    Operator::Two(Binary::Pow) => integer(b).map_or(Op::Powf(b), Op::Powi),
+                    Operator::Two(_) => {
+                        self.ops.push(Op::Operator(f));
                         return;
                     }
                 };
                 self.ops.pop();
                 self.ops.push(op);
             }
-            (Some(a), None) if matches!(f, Binary::Add | Binary::Sub | Binary::Mul) => {
+            (Some(a), None) if matches!(f, Operator::Add | Operator::Sub | Operator::Mul) => {
                 self.ops.remove(left);
                 match f {
-                    Binary::Mul => self.ops.push(Op::MulConstant(a)),
-                    Binary::Sub => {
-                        self.ops.push(Op::Unary(Unary::Neg));
+                    Operator::Mul => self.ops.push(Op::MulConstant(a)),
+                    Operator::Sub => {
+                        self.ops.push(Op::Negate);
                         self.ops.push(Op::AddConstant(a));
                     }
                     _ => self.ops.push(Op::AddConstant(a)),
                 }
             }
-            _ => self.ops.push(Op::Binary(f)),
+            _ => self.ops.push(Op::Operator(f)),
         }
     }
 
-    fn with_constant(&mut self, f: Binary, c: f64) {
+    fn with_constant(&mut self, f: Operator, c: f64) {
         self.constant(c);
-        self.binary(f);
+        self.operator(f);
     }
 
     /// The constant that the operations `from..to` are, if they are no more than that.
@@ -272,7 +232,7 @@ impl Builder {
         for op in &self.ops {
             match op {
                 Op::Constant(_) | Op::Variable(_) => height += 1,
-                Op::Binary(_) => height -= 1,
+                Op::Operator(_) => height -= 1,
                 _ => {}
             }
             depth = depth.max(height);
@@ -301,12 +261,12 @@ mod tests {
             b.constant(2.0);
             b.constant(3.0);
             b.constant(4.0);
-            b.binary(Binary::Add);
-            b.binary(Binary::Mul);
+            b.operator(Operator::Add);
+            b.operator(Operator::Mul);
             b.variable(0);
-            b.binary(Binary::Mul);
+            b.operator(Operator::Mul);
             b.constant(1.0);
-            b.binary(Binary::Sub);
+            b.operator(Operator::Sub);
         });
         assert_eq!(
             t.ops,
@@ -326,9 +286,9 @@ mod tests {
         let t = tape(|b| {
             b.variable(0);
             b.variable(1);
-            b.binary(Binary::Sub);
+            b.operator(Operator::Sub);
             b.variable(0);
-            b.binary(Binary::Pow);
+            b.operator(Operator::Two(Binary::Pow));
         });
         let bound = t.bind(|slot| Some([3.0, 1.0][slot]));
         assert_eq!(bound.ops, [Op::Constant(8.0)]);
@@ -341,10 +301,10 @@ mod tests {
     #[test]
     fn nan_wins_over_every_number_in_min_and_max() {
         for f in [Binary::Min, Binary::Max] {
-            assert!(f.apply(f64::NAN, 1.0).is_nan());
-            assert!(f.apply(1.0, f64::NAN).is_nan());
+            assert!(f.of(f64::NAN, 1.0).is_nan());
+            assert!(f.of(1.0, f64::NAN).is_nan());
         }
-        assert_eq!(Binary::Min.apply(1.0, 2.0), 1.0);
-        assert_eq!(Binary::Max.apply(1.0, 2.0), 2.0);
+        assert_eq!(Binary::Min.of(1.0, 2.0), 1.0);
+        assert_eq!(Binary::Max.of(1.0, 2.0), 2.0);
     }
 }

@@ -1,36 +1,138 @@
-//! Forward differentiation of a graph, within the graph.
+//! Differentiation of a graph, within the graph: forward along a direction, backward from one node.
 
-use super::graph::{Function, Graph, Id, Node};
+use super::graph::{Graph, Id, Node};
+use super::traced::{Traced, go_on, size};
+use crate::Scalar;
 
-/// The graph grew beyond what a program is worth.
+/// The graph grew beyond what it is wanted for.
 #[derive(Debug)]
 pub struct TooLarge;
 
-/// ∂(root)/∂(variable) for each of `roots`; grows the graph by no more than `limit` nodes in all.
+/// ∂(root)/∂(variable) for each of `roots`; the graph grows to no more than about `limit` nodes.
 pub fn derivative(
     graph: &mut Graph,
     roots: &[Id],
     variable: u32,
     limit: usize,
 ) -> Result<Vec<Id>, TooLarge> {
-    let zero = graph.constant(0.0);
-    let top = roots.iter().max().map_or(0, |&id| id as usize + 1);
-    let mut needed = vec![false; top];
+    let one = graph.constant(1.0);
+    along(graph, roots, &[(variable, one)], limit)
+}
+
+/// d(root)/ds for each of `roots`, where the variables of `direction` change at the rates given there; forward mode.
+pub fn along(
+    graph: &mut Graph,
+    roots: &[Id],
+    direction: &[(u32, Id)],
+    limit: usize,
+) -> Result<Vec<Id>, TooLarge> {
+    let needed = needed_for(graph, roots);
+    let nodes = graph.first(needed.len());
+    go_on(graph, || {
+        let zero = Traced::zero();
+        // Arguments have smaller numbers: in ascending order they are done before they are asked for.
+        let mut slope = vec![zero; nodes.len()];
+        for (id, &node) in nodes.iter().enumerate() {
+            if needed[id] {
+                slope[id] = match node {
+                    Node::Constant(_) => zero,
+                    Node::Variable(index) => direction
+                        .iter()
+                        .find(|(variable, _)| *variable == index)
+                        .map_or(zero, |&(_, rate)| Traced(rate)),
+                    _ => rule(node, Traced(id as Id), &slope, zero),
+                };
+                if size() > limit {
+                    return Err(TooLarge);
+                }
+            }
+        }
+        Ok(roots.iter().map(|&root| slope[root as usize].0).collect())
+    })
+}
+
+/// ∂(root)/∂(variable) for each of `variables`, in one sweep from the root to its arguments; reverse mode.
+pub fn gradient(
+    graph: &mut Graph,
+    root: Id,
+    variables: &[u32],
+    limit: usize,
+) -> Result<Vec<Id>, TooLarge> {
+    let needed = needed_for(graph, &[root]);
+    let nodes = graph.first(needed.len());
+    // Whether a node depends on one of the variables.
+    let mut moves = vec![false; nodes.len()];
+    for (id, node) in nodes.iter().enumerate() {
+        moves[id] = match node {
+            Node::Variable(index) => variables.contains(index),
+            _ => graph.arguments(id as Id).any(|a| moves[a as usize]),
+        };
+    }
+    go_on(graph, || {
+        let zero = Traced::zero();
+        // ∂(root)/∂(node), complete once all that is made of the node has been passed.
+        let mut adjoint = vec![zero; nodes.len()];
+        if let Some(last) = adjoint.last_mut() {
+            *last = Traced::constant(1.0);
+        }
+        for (id, &node) in nodes.iter().enumerate().rev() {
+            let weight = adjoint[id];
+            if !needed[id] || !moves[id] || weight == zero {
+                continue;
+            }
+            let mut give = |to: Id, slope: &dyn Fn() -> Traced| {
+                let to = to as usize;
+                if moves[to] {
+                    adjoint[to] = adjoint[to] + slope();
+                }
+            };
+            let value = Traced(id as Id);
+            match node {
+                Node::Constant(_) | Node::Variable(_) => {}
+                Node::Add(a, b) => {
+                    give(a, &|| weight);
+                    give(b, &|| weight);
+                }
+                Node::Subtract(a, b) => {
+                    give(a, &|| weight);
+                    give(b, &|| -weight);
+                }
+                Node::Negate(a) => give(a, &|| -weight),
+                Node::Multiply(a, b) => {
+                    give(a, &|| weight * Traced(b));
+                    give(b, &|| weight * Traced(a));
+                }
+                Node::Divide(a, b) => {
+                    give(a, &|| weight / Traced(b));
+                    give(b, &|| -(weight / Traced(b) * value));
+                }
+                Node::Powi(a, n) => give(a, &|| weight * powi_slope(Traced(a), n)),
+                Node::One(f, a) => give(a, &|| weight * f.slope(Traced(a), value)),
+                Node::Two(f, a, b) => {
+                    give(a, &|| weight * f.slope_left(Traced(a), Traced(b)));
+                    give(b, &|| weight * f.slope_right(Traced(a), Traced(b), value));
+                }
+            }
+            if size() > limit {
+                return Err(TooLarge);
+            }
+        }
+        let of = |variable: &u32| {
+            let place = nodes.iter().position(|n| *n == Node::Variable(*variable));
+            place.map_or(zero, |id| adjoint[id]).0
+        };
+        Ok(variables.iter().map(of).collect())
+    })
+}
+
+/// Which nodes up to the last of `roots` these are made of.
+fn needed_for(graph: &Graph, roots: &[Id]) -> Vec<bool> {
+    let mut needed = vec![false; roots.iter().max().map_or(0, |&id| id as usize + 1)];
     for &root in roots {
         needed[root as usize] = true;
     }
     mark_arguments(graph, &mut needed);
-    // Arguments have smaller numbers: in ascending order they are done before they are asked for.
-    let mut slope = vec![zero; top];
-    for id in 0..top {
-        if needed[id] {
-            slope[id] = rule(graph, id as Id, variable, &slope, zero);
-            if graph.len() > limit {
-                return Err(TooLarge);
-            }
-        }
-    }
-    Ok(roots.iter().map(|&root| slope[root as usize]).collect())
+    needed
 }
 
 /// Marks all that the marked nodes are made of. Arguments have smaller numbers than what is made of them.
@@ -44,98 +146,36 @@ pub fn mark_arguments(graph: &Graph, needed: &mut [bool]) {
     }
 }
 
-fn rule(graph: &mut Graph, id: Id, variable: u32, slope: &[Id], zero: Id) -> Id {
+/// The slope of `node`, whose value is `value`, from the slopes of its arguments.
+fn rule(node: Node, value: Traced, slope: &[Traced], zero: Traced) -> Traced {
     let s = |a: Id| slope[a as usize];
-    match graph.node(id) {
-        Node::Constant(_) => zero,
-        Node::Variable(index) if index == variable => graph.constant(1.0),
-        Node::Variable(_) => zero,
-        Node::Add(a, b) => graph.add(s(a), s(b)),
-        Node::Subtract(a, b) => graph.subtract(s(a), s(b)),
-        Node::Negate(a) => graph.negate(s(a)),
-        Node::Multiply(a, b) => {
-            let left = graph.multiply(s(a), b);
-            let right = graph.multiply(a, s(b));
-            graph.add(left, right)
-        }
-        Node::Divide(a, b) => {
-            // (a/b)' = (a' − (a/b) b') / b
-            let shrink = graph.multiply(id, s(b));
-            let rest = graph.subtract(s(a), shrink);
-            graph.divide(rest, b)
-        }
+    match node {
+        Node::Constant(_) | Node::Variable(_) => zero,
+        Node::Add(a, b) => s(a) + s(b),
+        Node::Subtract(a, b) => s(a) - s(b),
+        Node::Negate(a) => -s(a),
+        Node::Multiply(a, b) => s(a) * Traced(b) + Traced(a) * s(b),
+        // (a/b)' = (a' − (a/b) b') / b
+        Node::Divide(a, b) => (s(a) - value * s(b)) / Traced(b),
         // A zero slope ends here: a derivative that is infinite elsewhere must not meet it.
-        Node::Powi(a, _) | Node::Powf(a, _) | Node::Apply(_, a) if s(a) == zero => zero,
-        Node::Powi(a, n) => {
-            let power = graph.powi(a, n - 1);
-            let factor = graph.constant(f64::from(n));
-            let inner = graph.multiply(factor, power);
-            graph.multiply(inner, s(a))
-        }
-        Node::Powf(a, bits) => {
-            let n = f64::from_bits(bits);
-            let power = graph.powf(a, n - 1.0);
-            let factor = graph.constant(n);
-            let inner = graph.multiply(factor, power);
-            graph.multiply(inner, s(a))
-        }
-        Node::Atan2(y, x) => {
-            // (x y' − y x') / (x² + y²)
-            let (xx, yy) = (graph.multiply(x, x), graph.multiply(y, y));
-            let square = graph.add(xx, yy);
-            let (left, right) = (graph.multiply(x, s(y)), graph.multiply(y, s(x)));
-            let top = graph.subtract(left, right);
-            graph.divide(top, square)
-        }
-        Node::Apply(function, a) => {
-            let slope = function_slope(graph, function, a, id);
-            graph.multiply(slope, s(a))
+        Node::Powi(a, _) | Node::One(_, a) if s(a) == zero => zero,
+        Node::Powi(a, n) => powi_slope(Traced(a), n) * s(a),
+        Node::One(f, a) => f.slope(Traced(a), value) * s(a),
+        Node::Two(f, a, b) => {
+            let (x, y) = (Traced(a), Traced(b));
+            let mut sum = zero;
+            if s(a) != zero {
+                sum = sum + f.slope_left(x, y) * s(a);
+            }
+            if s(b) != zero {
+                sum = sum + f.slope_right(x, y, value) * s(b);
+            }
+            sum
         }
     }
 }
 
-/// The derivative of `function` at `a`; `value` is the node function(a).
-fn function_slope(graph: &mut Graph, function: Function, a: Id, value: Id) -> Id {
-    let one = graph.constant(1.0);
-    match function {
-        Function::Sin => graph.apply(Function::Cos, a),
-        Function::Cos => {
-            let sine = graph.apply(Function::Sin, a);
-            graph.negate(sine)
-        }
-        Function::Tan => {
-            let square = graph.multiply(value, value);
-            graph.add(one, square)
-        }
-        Function::Asin | Function::Acos => {
-            let square = graph.multiply(a, a);
-            let rest = graph.subtract(one, square);
-            let root = graph.apply(Function::Sqrt, rest);
-            let slope = graph.divide(one, root);
-            if function == Function::Asin {
-                slope
-            } else {
-                graph.negate(slope)
-            }
-        }
-        Function::Atan => {
-            let square = graph.multiply(a, a);
-            let sum = graph.add(one, square);
-            graph.divide(one, sum)
-        }
-        Function::Sinh => graph.apply(Function::Cosh, a),
-        Function::Cosh => graph.apply(Function::Sinh, a),
-        Function::Tanh => {
-            let square = graph.multiply(value, value);
-            graph.subtract(one, square)
-        }
-        Function::Exp => value,
-        Function::Ln => graph.divide(one, a),
-        Function::Sqrt => {
-            let half = graph.constant(0.5);
-            graph.divide(half, value)
-        }
-        Function::Abs => graph.apply(Function::Sign, a),
-        Function::Sign => graph.constant(0.0),
-    }
+/// n xⁿ⁻¹
+fn powi_slope(x: Traced, n: i32) -> Traced {
+    x.powi(n - 1) * f64::from(n)
 }

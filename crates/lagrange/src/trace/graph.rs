@@ -2,6 +2,8 @@
 
 use std::collections::HashMap;
 
+use crate::expression::{Binary, Unary};
+
 /// A node, by its number; a node's arguments have smaller numbers.
 pub type Id = u32;
 
@@ -16,60 +18,12 @@ pub enum Node {
     Divide(Id, Id),
     Negate(Id),
     Powi(Id, i32),
-    Powf(Id, u64),
-    Atan2(Id, Id),
-    Apply(Function, Id),
-}
-
-/// A function of one argument.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Function {
-    Sin,
-    Cos,
-    Tan,
-    Asin,
-    Acos,
-    Atan,
-    Sinh,
-    Cosh,
-    Tanh,
-    Exp,
-    Ln,
-    Sqrt,
-    Abs,
-    /// −1 below zero, else 1.
-    Sign,
-}
-
-impl Function {
-    pub fn of(self, x: f64) -> f64 {
-        match self {
-            Function::Sin => x.sin(),
-            Function::Cos => x.cos(),
-            Function::Tan => x.tan(),
-            Function::Asin => x.asin(),
-            Function::Acos => x.acos(),
-            Function::Atan => x.atan(),
-            Function::Sinh => x.sinh(),
-            Function::Cosh => x.cosh(),
-            Function::Tanh => x.tanh(),
-            Function::Exp => x.exp(),
-            Function::Ln => x.ln(),
-            Function::Sqrt => x.sqrt(),
-            Function::Abs => x.abs(),
-            Function::Sign => {
-                if x < 0.0 {
-                    -1.0
-                } else {
-                    1.0
-                }
-            }
-        }
-    }
+    One(Unary, Id),
+    Two(Binary, Id, Id),
 }
 
 /// Nodes without repetition, simplified as they are made.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Graph {
     nodes: Vec<Node>,
     known: HashMap<Node, Id>,
@@ -86,6 +40,19 @@ impl Graph {
         self.nodes[id as usize]
     }
 
+    /// A copy of the first `count` nodes.
+    pub fn first(&self, count: usize) -> Vec<Node> {
+        self.nodes.iter().take(count).copied().collect()
+    }
+
+    /// How many nodes `roots` are made of.
+    pub fn needed(&self, roots: &[Id]) -> usize {
+        let mut needed = vec![false; self.nodes.len()];
+        roots.iter().for_each(|&root| needed[root as usize] = true);
+        super::derivative::mark_arguments(self, &mut needed);
+        needed.iter().filter(|&&needed| needed).count()
+    }
+
     /// The node's arguments.
     pub fn arguments(&self, id: Id) -> impl Iterator<Item = Id> {
         let (a, b) = match self.node(id) {
@@ -94,10 +61,8 @@ impl Graph {
             | Node::Subtract(a, b)
             | Node::Multiply(a, b)
             | Node::Divide(a, b)
-            | Node::Atan2(a, b) => (Some(a), Some(b)),
-            Node::Negate(a) | Node::Powi(a, _) | Node::Powf(a, _) | Node::Apply(_, a) => {
-                (Some(a), None)
-            }
+            | Node::Two(_, a, b) => (Some(a), Some(b)),
+            Node::Negate(a) | Node::Powi(a, _) | Node::One(_, a) => (Some(a), None),
         };
         a.into_iter().chain(b)
     }
@@ -133,6 +98,10 @@ impl Graph {
             (Some(0.0), None) => return b,
             (None, Some(0.0)) => return a,
             _ => {}
+        }
+        if a == b {
+            let two = self.constant(2.0);
+            return self.multiply(two, a);
         }
         match (self.node(a), self.node(b)) {
             (_, Node::Negate(y)) => self.subtract(a, y),
@@ -224,26 +193,27 @@ impl Graph {
         }
     }
 
-    pub fn powf(&mut self, a: Id, n: f64) -> Id {
-        match self.value(a) {
-            Some(x) => self.constant(x.powf(n)),
-            None if n == 0.0 => self.constant(1.0),
-            None if n == 1.0 => a,
-            None => self.put(Node::Powf(a, n.to_bits())),
+    pub fn one(&mut self, f: Unary, a: Id) -> Id {
+        match (f, self.node(a)) {
+            (_, Node::Constant(bits)) => self.constant(f.of(f64::from_bits(bits))),
+            (Unary::Cos, Node::Negate(x)) => self.one(f, x),
+            (Unary::Sin, Node::Negate(x)) => {
+                let sine = self.one(f, x);
+                self.negate(sine)
+            }
+            _ => self.put(Node::One(f, a)),
         }
     }
 
-    pub fn atan2(&mut self, y: Id, x: Id) -> Id {
-        match (self.value(y), self.value(x)) {
-            (Some(y), Some(x)) => self.constant(y.atan2(x)),
-            _ => self.put(Node::Atan2(y, x)),
-        }
-    }
-
-    pub fn apply(&mut self, function: Function, a: Id) -> Id {
-        match self.value(a) {
-            Some(x) => self.constant(function.of(x)),
-            None => self.put(Node::Apply(function, a)),
+    pub fn two(&mut self, f: Binary, a: Id, b: Id) -> Id {
+        match (f, self.value(a), self.value(b)) {
+            // Not through the logarithm.
+            (Binary::Pow, Some(x), Some(y)) => self.constant(x.powf(y)),
+            (_, Some(x), Some(y)) => self.constant(f.of(x, y)),
+            (Binary::Pow, None, Some(0.0)) => self.constant(1.0),
+            (Binary::Pow, None, Some(1.0)) => a,
+            (Binary::Min | Binary::Max, ..) if a == b => a,
+            _ => self.put(Node::Two(f, a, b)),
         }
     }
 }

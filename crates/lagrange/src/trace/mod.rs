@@ -8,8 +8,10 @@
 
 mod compiled;
 mod derivative;
+mod formulas;
 mod graph;
 mod program;
 mod traced;
 
 pub(crate) use compiled::{Compiled, Registers};
+pub use formulas::{Formulas, FormulasError, Style, Written};

@@ -1,7 +1,8 @@
 //! A graph flattened to a list of instructions on f64.
 
 use super::derivative::mark_arguments;
-use super::graph::{Function, Graph, Id, Node};
+use super::graph::{Graph, Id, Node};
+use crate::expression::{Binary, Unary};
 
 /// Straight-line code. Registers: the inputs, the constants, then one result an instruction.
 #[derive(Debug, Clone)]
@@ -20,9 +21,8 @@ enum Instruction {
     Divide(u32, u32),
     Negate(u32),
     Powi(u32, i32),
-    Powf(u32, u32),
-    Atan2(u32, u32),
-    Apply(Function, u32),
+    One(Unary, u32),
+    Two(Binary, u32, u32),
 }
 
 impl Program {
@@ -42,15 +42,11 @@ impl Program {
             next += 1;
             next - 1
         };
-        let mut exponents = Vec::new();
         for id in ids() {
             match graph.node(id) {
                 Node::Variable(index) => register[id as usize] = index,
                 Node::Constant(bits) => {
                     register[id as usize] = place(f64::from_bits(bits), &mut constants);
-                }
-                Node::Powf(_, bits) => {
-                    exponents.push((id, place(f64::from_bits(bits), &mut constants)));
                 }
                 _ => {}
             }
@@ -66,12 +62,8 @@ impl Program {
                 Node::Divide(a, b) => Instruction::Divide(r(a), r(b)),
                 Node::Negate(a) => Instruction::Negate(r(a)),
                 Node::Powi(a, n) => Instruction::Powi(r(a), n),
-                Node::Powf(a, _) => {
-                    let exponent = exponents.iter().find(|e| e.0 == id).map_or(0, |e| e.1);
-                    Instruction::Powf(r(a), exponent)
-                }
-                Node::Atan2(y, x) => Instruction::Atan2(r(y), r(x)),
-                Node::Apply(function, a) => Instruction::Apply(function, r(a)),
+                Node::One(f, a) => Instruction::One(f, r(a)),
+                Node::Two(f, a, b) => Instruction::Two(f, r(a), r(b)),
             };
             register[id as usize] = (inputs + constants.len() + instructions.len()) as u32;
             instructions.push(instruction);
@@ -109,9 +101,8 @@ impl Program {
                 Instruction::Divide(a, b) => r(a) / r(b),
                 Instruction::Negate(a) => -r(a),
                 Instruction::Powi(a, n) => r(a).powi(n),
-                Instruction::Powf(a, n) => r(a).powf(r(n)),
-                Instruction::Atan2(y, x) => r(y).atan2(r(x)),
-                Instruction::Apply(function, a) => function.of(r(a)),
+                Instruction::One(f, a) => f.of(r(a)),
+                Instruction::Two(f, a, b) => f.of(r(a), r(b)),
             };
         }
     }

@@ -3,23 +3,36 @@
 use std::cell::RefCell;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::graph::{Function, Graph, Id};
+use super::graph::{Graph, Id};
 use crate::Scalar;
+use crate::expression::{Binary, Unary};
 
 thread_local! {
     static GRAPH: RefCell<Graph> = RefCell::new(Graph::default());
 }
 
 /// A node of this thread's graph.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Traced(pub Id);
 
 /// Runs `record` on a fresh graph of this thread; returns the graph and what `record` returned.
 pub fn trace<T>(record: impl FnOnce() -> T) -> (Graph, T) {
-    let outer = GRAPH.with(|graph| graph.take());
-    let result = record();
-    let graph = GRAPH.with(|graph| graph.replace(outer));
+    let mut graph = Graph::default();
+    let result = go_on(&mut graph, record);
     (graph, result)
+}
+
+/// Runs `record`, which adds to `graph`.
+pub fn go_on<T>(graph: &mut Graph, record: impl FnOnce() -> T) -> T {
+    let outer = GRAPH.with(|here| here.replace(std::mem::take(graph)));
+    let result = record();
+    *graph = GRAPH.with(|here| here.replace(outer));
+    result
+}
+
+/// Number of nodes of this thread's graph.
+pub fn size() -> usize {
+    GRAPH.with(|graph| graph.borrow().len())
 }
 
 /// The variable with this index.
@@ -66,7 +79,15 @@ impl Neg for Traced {
 macro_rules! functions {
     ($($method:ident: $function:ident),*) => {
         $(fn $method(self) -> Self {
-            with(|graph| graph.apply(Function::$function, self.0))
+            with(|graph| graph.one(Unary::$function, self.0))
+        })*
+    };
+}
+
+macro_rules! functions_of_two {
+    ($($method:ident: $function:ident),*) => {
+        $(fn $method(self, other: Self) -> Self {
+            with(|graph| graph.two(Binary::$function, self.0, other.0))
         })*
     };
 }
@@ -89,15 +110,12 @@ impl Scalar for Traced {
 
     functions!(
         sin: Sin, cos: Cos, tan: Tan, asin: Asin, acos: Acos, atan: Atan, sinh: Sinh, cosh: Cosh, tanh: Tanh, exp: Exp,
-        ln: Ln, sqrt: Sqrt, abs: Abs
+        ln: Ln, sqrt: Sqrt, abs: Abs, sign: Sign
     );
+    functions_of_two!(atan2: Atan2, min: Min, max: Max, pow: Pow);
 
     fn sin_cos(self) -> (Self, Self) {
         (self.sin(), self.cos())
-    }
-
-    fn atan2(self, x: Self) -> Self {
-        with(|graph| graph.atan2(self.0, x.0))
     }
 
     fn powi(self, n: i32) -> Self {
@@ -105,6 +123,6 @@ impl Scalar for Traced {
     }
 
     fn powf(self, n: f64) -> Self {
-        with(|graph| graph.powf(self.0, n))
+        self.pow(Self::constant(n))
     }
 }

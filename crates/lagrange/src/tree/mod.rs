@@ -21,6 +21,7 @@ mod derivatives;
 mod dispatch;
 mod engine;
 mod factor;
+mod general;
 mod gradient;
 mod inverse_dynamics;
 mod kernels;
@@ -31,6 +32,7 @@ pub mod vector;
 
 pub use dispatch::Machine;
 pub use engine::Engine;
+pub use general::equations;
 pub use kernels::At;
 pub(crate) use plan::Freedom;
 pub use plan::Plan;

@@ -6,6 +6,7 @@
 mod check;
 mod diagnose;
 mod dynamics;
+mod equations;
 mod evaluate;
 mod output;
 mod progress;
@@ -55,6 +56,8 @@ enum Command {
     Check(check::Arguments),
     /// Evaluate the equations of motion M(q) v̇ + C(q, v) v + G(q) = Q at given states
     Dynamics(dynamics::Arguments),
+    /// Print M, C and G as formulas, or write them as a function in Rust or C
+    Equations(equations::Arguments),
     /// Roll the model out; with a log, under its inputs and from its initial state
     Simulate(simulate::Arguments),
     /// Free-run errors over many windows of logs, per coordinate
@@ -102,6 +105,7 @@ fn execute(command: Command, seed: u64, output: &Output) -> Result<(), Error> {
     match command {
         Command::Check(arguments) => check::run(&arguments, output),
         Command::Dynamics(arguments) => dynamics::run(&arguments, output),
+        Command::Equations(arguments) => equations::run(&arguments, output),
         Command::Simulate(arguments) => simulate::run(&arguments, output),
         Command::Evaluate(arguments) => evaluate::run(&arguments, output),
         Command::Diagnose(arguments) => diagnose::run(&arguments, seed, output),

@@ -1,0 +1,56 @@
+//! M, C and G on any scalar: for numbers that are no numbers yet, such as those of an expression graph.
+
+use super::common::{VELOCITY, composite, gravity, motion};
+use super::dispatch::TreeMemory;
+use super::matrices;
+use super::plan::Plan;
+use crate::Scalar;
+use crate::mechanism::Tree;
+
+/// M and C row after row, and G.
+pub struct General<D> {
+    pub mass: Vec<D>,
+    pub coriolis: Vec<D>,
+    pub gravity: Vec<D>,
+}
+
+/// M, C and G of `tree` at (q, v), with the factors `p` on the masses. Allocates.
+pub fn equations<D: Scalar>(tree: &Tree, q: &[D], v: &[D], p: &[D]) -> General<D> {
+    let plan = Plan::of(tree);
+    let TreeMemory {
+        mut state,
+        mut moved,
+        mut axes,
+        mut sums,
+        ..
+    } = TreeMemory::new(&plan);
+    state.q.copy_from_slice(q);
+    state.v.copy_from_slice(v);
+    state.p.copy_from_slice(p);
+    state.turn(&plan);
+    motion::<_, VELOCITY>(&plan, &state, &mut moved, &mut axes);
+    composite::<_, VELOCITY>(&plan, &state, &moved, &mut sums);
+    let n = plan.nv;
+    let mut out = General {
+        mass: vec![D::zero(); n * n],
+        coriolis: vec![D::zero(); n * n],
+        gravity: vec![D::zero(); n],
+    };
+    let General {
+        mass,
+        coriolis,
+        gravity: force,
+    } = &mut out;
+    matrices::mass_and_coriolis(
+        &plan,
+        &axes,
+        &sums,
+        |i, j, x| mass[i * n + j] = mass[i * n + j] + x,
+        |i, j, x| coriolis[i * n + j] = coriolis[i * n + j] + x,
+    );
+    let downward = gravity(&plan, &state);
+    matrices::gravity_force(&plan, &downward, &axes, &sums, |i, x| {
+        force[i] = force[i] + x;
+    });
+    out
+}
