@@ -23,6 +23,7 @@ impl<M: Mechanics, C: Constraint> Constrained<M, C> {
     ) -> Result<(), Error> {
         out.acceleration.copy_from_slice(force);
         self.solve((q, v), p, self.rate(), work, room, &mut out.acceleration)?;
+        room.acceleration.copy_from(&out.acceleration);
         room.force.copy_from_slice(force);
         room.force
             .gemv_tr(1.0, &room.jacobian, &room.multipliers, 1.0);
@@ -38,6 +39,8 @@ impl<M: Mechanics, C: Constraint> Constrained<M, C> {
         );
         room.force = total;
         solved?;
+        // The same to the last bit as without derivatives.
+        out.acceleration.copy_from(&room.acceleration);
 
         let a = out.acceleration.as_slice();
         let kinematics = self.kinematics();

@@ -32,6 +32,8 @@ pub(crate) struct Room {
     pub mass: DMatrix<f64>,
     /// Where M depends on v: M⁻¹ is ∂v̇/∂Q of the free mechanism.
     pub free: Option<ForwardDynamicsDerivatives>,
+    /// v̇.
+    pub acceleration: DVector<f64>,
     /// Q + Jᵀ λ.
     pub force: DVector<f64>,
     /// ∂(Jᵀ λ)/∂x and M⁻¹ times a matrix.
@@ -120,6 +122,7 @@ impl Room {
             jacobian: DMatrix::zeros(kept, nv),
             mass: DMatrix::zeros(nv, nv),
             free: None,
+            acceleration: DVector::zeros(nv),
             force: DVector::zeros(nv),
             force_by: DMatrix::zeros(nv, nv),
             product: DMatrix::zeros(nv, nv),
