@@ -4,7 +4,8 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::equations::derivatives::inverse_dynamics_derivatives;
 use crate::equations::{Workspace, coriolis, fast, gradient, one_by_one, reference};
-use crate::trace::{Compiled, Registers};
+use crate::mechanism::Tree;
+use crate::trace::{Arguments, Compiled, Registers};
 use crate::tree::{At, Engine, Machine};
 use crate::{Coordinate, Error, LANES, Lagrangian, Mechanics, Parameter};
 use crate::{Formulas, FormulasError};
@@ -83,7 +84,7 @@ impl<L: Lagrangian> Dynamics<L> {
         let tree = lagrangian.rigid_bodies();
         let quadratic = tree.is_some() || is_quadratic(&lagrangian);
         let route = match tree {
-            Some(tree) => Route::Tree(Box::new(Engine::of(tree))),
+            Some(tree) => Self::joints_or_programs(&lagrangian, tree),
             None => Self::programs(&lagrangian, quadratic),
         };
         Dynamics {
@@ -91,6 +92,18 @@ impl<L: Lagrangian> Dynamics<L> {
             coordinates,
             quadratic,
             route,
+        }
+    }
+
+    /// Programs for the smallest trees, as long as nothing else is faster.
+    fn joints_or_programs(lagrangian: &L, tree: &Tree) -> Route {
+        let joints = || Route::Tree(Box::new(Engine::of(tree)));
+        if tree.is_floating() || tree.nv() > 2 {
+            return joints();
+        }
+        match Self::programs(lagrangian, true) {
+            Route::Programs(programs) if programs.is_short() => Route::Programs(programs),
+            _ => joints(),
         }
     }
 
@@ -120,7 +133,7 @@ impl<L: Lagrangian> Dynamics<L> {
 
     /// Whether the equations run as compiled programs.
     pub fn is_compiled(&self) -> bool {
-        matches!(self.route, Route::Programs(_))
+        self.compiled().is_some()
     }
 
     /// The mechanism.
@@ -189,6 +202,13 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
     fn mass_matrix_into(&self, q: &[f64], p: &[f64], work: &mut Workspace, out: &mut DMatrix<f64>) {
         if let Some((engine, machine)) = self.engine(work) {
             engine.mass_matrix(At { q, v: &[], p }, machine, out);
+        } else if let Some(programs) = self.compiled() {
+            let at = Arguments {
+                q,
+                p,
+                ..Arguments::default()
+            };
+            programs.mass_matrix(at, &mut work.registers, out);
         } else if self.quadratic {
             fast::mass_matrix(&self.lagrangian, q, p, work, out);
         } else {
@@ -206,9 +226,13 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut DMatrix<f64>,
     ) {
-        match self.engine(work) {
-            Some((engine, machine)) => engine.coriolis_matrix(At { q, v, p }, machine, out),
-            None => coriolis::coriolis_matrix(&self.lagrangian, q, v, p, work, out),
+        if let Some((engine, machine)) = self.engine(work) {
+            engine.coriolis_matrix(At { q, v, p }, machine, out);
+        } else if let Some(programs) = self.compiled() {
+            let at = Arguments { q, v, p, a: &[] };
+            programs.coriolis_matrix(at, &mut work.registers, out);
+        } else {
+            coriolis::coriolis_matrix(&self.lagrangian, q, v, p, work, out);
         }
     }
 
@@ -219,9 +243,17 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut DVector<f64>,
     ) {
-        match self.engine(work) {
-            Some((engine, machine)) => engine.gravity_force(At { q, v: &[], p }, machine, out),
-            None => fast::gravity_force(&self.lagrangian, q, p, work, out),
+        if let Some((engine, machine)) = self.engine(work) {
+            engine.gravity_force(At { q, v: &[], p }, machine, out);
+        } else if let Some(programs) = self.compiled() {
+            let at = Arguments {
+                q,
+                p,
+                ..Arguments::default()
+            };
+            programs.gravity_force(at, &mut work.registers, out);
+        } else {
+            fast::gravity_force(&self.lagrangian, q, p, work, out);
         }
     }
 
@@ -233,11 +265,13 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut DVector<f64>,
     ) {
-        match self.engine(work) {
-            Some((engine, machine)) => {
-                engine.inverse_dynamics(At { q, v, p }, None, machine, out.as_mut_slice());
-            }
-            None => fast::bias_force(&self.lagrangian, q, v, p, work, out),
+        if let Some((engine, machine)) = self.engine(work) {
+            engine.inverse_dynamics(At { q, v, p }, None, machine, out.as_mut_slice());
+        } else if let Some(programs) = self.compiled() {
+            let at = Arguments { q, v, p, a: &[] };
+            programs.bias_force(at, &mut work.registers, out);
+        } else {
+            fast::bias_force(&self.lagrangian, q, v, p, work, out);
         }
     }
 
@@ -253,6 +287,9 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
     ) {
         if let Some((engine, machine)) = self.engine(work) {
             engine.equations(At { q, v, p }, machine, mass, coriolis, gravity);
+        } else if let Some(programs) = self.compiled() {
+            let at = Arguments { q, v, p, a: &[] };
+            programs.terms(at, &mut work.registers, mass, coriolis, gravity);
         } else {
             self.mass_matrix_into(q, p, work, mass);
             self.coriolis_matrix_into(q, v, p, work, coriolis);
@@ -269,11 +306,13 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut DVector<f64>,
     ) {
-        match self.engine(work) {
-            Some((engine, machine)) => {
-                engine.inverse_dynamics(At { q, v, p }, Some(a), machine, out.as_mut_slice());
-            }
-            None => fast::inverse_dynamics(&self.lagrangian, (q, v, Some(a)), p, work, out),
+        if let Some((engine, machine)) = self.engine(work) {
+            engine.inverse_dynamics(At { q, v, p }, Some(a), machine, out.as_mut_slice());
+        } else if let Some(programs) = self.compiled() {
+            let at = Arguments { q, v, a, p };
+            programs.inverse_dynamics(at, &mut work.registers, out);
+        } else {
+            fast::inverse_dynamics(&self.lagrangian, (q, v, Some(a)), p, work, out);
         }
     }
 
@@ -308,19 +347,14 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut InverseDynamicsDerivatives,
     ) {
-        match &self.route {
-            Route::Programs(programs) => {
-                programs.derivatives((q, v, a), p, constants, &mut work.registers, out);
-            }
-            _ => match self.engine(work) {
-                Some((engine, machine)) => {
-                    engine.inverse_derivatives(At { q, v, p }, a, constants, machine, out);
-                }
-                None => {
-                    let at = (q, v, a);
-                    inverse_dynamics_derivatives(&self.lagrangian, at, p, constants, work, out);
-                }
-            },
+        if let Some((engine, machine)) = self.engine(work) {
+            engine.inverse_derivatives(At { q, v, p }, a, constants, machine, out);
+        } else if let Some(programs) = self.compiled() {
+            let at = Arguments { q, v, a, p };
+            programs.derivatives(at, constants, &mut work.registers, out);
+        } else {
+            let at = (q, v, a);
+            inverse_dynamics_derivatives(&self.lagrangian, at, p, constants, work, out);
         }
     }
 
@@ -456,6 +490,13 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
 }
 
 impl<L: Lagrangian> Dynamics<L> {
+    fn compiled(&self) -> Option<&Compiled> {
+        match &self.route {
+            Route::Programs(programs) => Some(programs),
+            Route::Duals | Route::Tree(_) => None,
+        }
+    }
+
     /// The algorithms for trees and their memory, where this is the route.
     #[inline]
     fn engine<'a>(&'a self, work: &'a mut Workspace) -> Option<(&'a Engine, &'a mut Machine)> {
@@ -488,7 +529,8 @@ impl<L: Lagrangian> Dynamics<L> {
         let mut bias = std::mem::take(&mut work.force);
         match &self.route {
             Route::Programs(programs) => {
-                programs.equations(q, v, p, &mut work.registers, &mut mass, &mut bias);
+                let at = Arguments { q, v, p, a: &[] };
+                programs.equations(at, &mut work.registers, &mut mass, &mut bias);
             }
             _ if self.quadratic => {
                 self.mass_matrix_into(q, p, work, &mut mass);

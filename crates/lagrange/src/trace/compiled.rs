@@ -13,23 +13,53 @@ const MOST_NODES: usize = 60_000;
 /// A program longer than this is no faster than dual numbers.
 const LONGEST: usize = 6_000;
 
-/// M and C v + G from (q, v, p), and the derivatives of Q = M a + C v + G from (q, v, a, p). The variables are q, v, a, p, in this
-/// order; T is quadratic in v.
+/// Up to this many instructions a quantity of a tree is computed sooner by a program than joint by joint.
+const FEW: usize = 80;
+
+/// The terms of M a + C v + G and their derivatives, each a program from (q, v, a, p), in this order of variables; T is quadratic
+/// in v. Matrices column by column.
 #[derive(Debug, Clone)]
 pub(crate) struct Compiled {
     nv: usize,
     np: usize,
-    /// M row by row, then C v + G.
+    /// M.
+    mass: Program,
+    /// G.
+    gravity: Program,
+    /// C.
+    coriolis: Program,
+    /// M, C, G.
+    terms: Program,
+    /// C v + G.
+    bias: Program,
+    /// M a + C v + G.
+    force: Program,
+    /// M, C v + G.
     equations: Program,
-    /// ∂Q/∂q, ∂Q/∂v, ∂Q/∂p, column by column.
+    /// ∂Q/∂q, ∂Q/∂v, ∂Q/∂p.
     derivatives: Program,
 }
 
-/// Registers of the two programs.
+/// Registers of the programs.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Registers {
+    mass: Vec<f64>,
+    gravity: Vec<f64>,
+    coriolis: Vec<f64>,
+    terms: Vec<f64>,
+    bias: Vec<f64>,
+    force: Vec<f64>,
     equations: Vec<f64>,
     derivatives: Vec<f64>,
+}
+
+/// The arguments of the programs; what one does not read may be empty.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Arguments<'a> {
+    pub q: &'a [f64],
+    pub v: &'a [f64],
+    pub a: &'a [f64],
+    pub p: &'a [f64],
 }
 
 impl Compiled {
@@ -88,82 +118,169 @@ impl Compiled {
             force.push(sum);
         }
         let inputs = 3 * nv + np;
-        let mut columns = by(graph, &force, q)?;
+        let mut columns = by(graph, &force, q.clone())?;
         columns.extend(by(graph, &force, v)?);
         columns.extend(by(graph, &force, p)?);
-        let equations = Program::new(graph, inputs, &[mass.concat(), bias].concat());
-        let derivatives = Program::new(graph, inputs, &columns.concat());
-        if equations.len() + derivatives.len() > LONGEST {
-            return Err(TooLarge);
-        }
-        Ok(Compiled {
+        let mass = mass.concat();
+        let mass_by_q = by(graph, &mass, q)?;
+        let coriolis = christoffel(graph, &mass_by_q, nv);
+        let program = |outputs: &[&[Id]]| Program::new(graph, inputs, &outputs.concat());
+        let compiled = Compiled {
             nv,
             np,
-            equations,
-            derivatives,
-        })
+            mass: program(&[&mass]),
+            gravity: program(&[&potential_by_q]),
+            coriolis: program(&[&coriolis]),
+            terms: program(&[&mass, &coriolis, &potential_by_q]),
+            bias: program(&[&bias]),
+            force: program(&[&force]),
+            equations: program(&[&mass, &bias]),
+            derivatives: program(&[&columns.concat()]),
+        };
+        if compiled.equations.len() + compiled.derivatives.len() > LONGEST {
+            return Err(TooLarge);
+        }
+        Ok(compiled)
+    }
+
+    /// Whether M, C and G are computed by so few instructions that nothing else is faster.
+    pub fn is_short(&self) -> bool {
+        self.terms.len() <= FEW
     }
 
     pub fn registers(&self) -> Registers {
         Registers {
+            mass: self.mass.registers(),
+            gravity: self.gravity.registers(),
+            coriolis: self.coriolis.registers(),
+            terms: self.terms.registers(),
+            bias: self.bias.registers(),
+            force: self.force.registers(),
             equations: self.equations.registers(),
             derivatives: self.derivatives.registers(),
         }
     }
 
+    /// Runs a program; its outputs go to the slots, one after the other.
+    fn run<'a>(
+        &self,
+        program: &Program,
+        at: Arguments,
+        registers: &mut [f64],
+        slots: impl Iterator<Item = &'a mut f64>,
+    ) {
+        let Arguments { q, v, a, p } = at;
+        let n = self.nv;
+        for (first, values) in [(0, q), (n, v), (2 * n, a), (3 * n, p)] {
+            registers[first..first + values.len()].copy_from_slice(values);
+        }
+        debug_assert!(p.len() == self.np);
+        program.run(registers);
+        for (slot, output) in slots.zip(program.outputs(registers)) {
+            *slot = output;
+        }
+    }
+
+    /// M.
+    pub fn mass_matrix(&self, at: Arguments, registers: &mut Registers, out: &mut DMatrix<f64>) {
+        self.run(&self.mass, at, &mut registers.mass, out.iter_mut());
+    }
+
+    /// G.
+    pub fn gravity_force(&self, at: Arguments, registers: &mut Registers, out: &mut DVector<f64>) {
+        self.run(&self.gravity, at, &mut registers.gravity, out.iter_mut());
+    }
+
+    /// C.
+    pub fn coriolis_matrix(
+        &self,
+        at: Arguments,
+        registers: &mut Registers,
+        out: &mut DMatrix<f64>,
+    ) {
+        self.run(&self.coriolis, at, &mut registers.coriolis, out.iter_mut());
+    }
+
+    /// M, C and G.
+    pub fn terms(
+        &self,
+        at: Arguments,
+        registers: &mut Registers,
+        mass: &mut DMatrix<f64>,
+        coriolis: &mut DMatrix<f64>,
+        gravity: &mut DVector<f64>,
+    ) {
+        let slots = mass.iter_mut().chain(coriolis.iter_mut());
+        let slots = slots.chain(gravity.iter_mut());
+        self.run(&self.terms, at, &mut registers.terms, slots);
+    }
+
+    /// C v + G.
+    pub fn bias_force(&self, at: Arguments, registers: &mut Registers, out: &mut DVector<f64>) {
+        self.run(&self.bias, at, &mut registers.bias, out.iter_mut());
+    }
+
+    /// M a + C v + G.
+    pub fn inverse_dynamics(
+        &self,
+        at: Arguments,
+        registers: &mut Registers,
+        out: &mut DVector<f64>,
+    ) {
+        self.run(&self.force, at, &mut registers.force, out.iter_mut());
+    }
+
     /// M and the bias force.
     pub fn equations(
         &self,
-        q: &[f64],
-        v: &[f64],
-        p: &[f64],
+        at: Arguments,
         registers: &mut Registers,
         mass: &mut DMatrix<f64>,
         bias: &mut DVector<f64>,
     ) {
-        let nv = self.nv;
-        let r = &mut registers.equations;
-        r[..nv].copy_from_slice(q);
-        r[nv..2 * nv].copy_from_slice(v);
-        r[3 * nv..3 * nv + self.np].copy_from_slice(p);
-        self.equations.run(r);
-        let slots = mass.as_mut_slice().iter_mut().chain(bias.as_mut_slice());
-        for (slot, output) in slots.zip(self.equations.outputs(r)) {
-            *slot = output;
-        }
+        let slots = mass.iter_mut().chain(bias.iter_mut());
+        self.run(&self.equations, at, &mut registers.equations, slots);
     }
 
     /// Derivatives of the inverse dynamics; of those in p, the columns `constants`.
     pub fn derivatives(
         &self,
-        (q, v, a): (&[f64], &[f64], &[f64]),
-        p: &[f64],
+        at: Arguments,
         constants: &[usize],
         registers: &mut Registers,
         out: &mut InverseDynamicsDerivatives,
     ) {
         let nv = self.nv;
         let r = &mut registers.derivatives;
-        r[..nv].copy_from_slice(q);
-        r[nv..2 * nv].copy_from_slice(v);
-        r[2 * nv..3 * nv].copy_from_slice(a);
-        r[3 * nv..3 * nv + self.np].copy_from_slice(p);
-        self.derivatives.run(r);
-        let square = nv * nv;
-        let outputs = self.derivatives.outputs(r);
-        let by_q = out.by_q.as_mut_slice();
-        let by_v = out.by_v.as_mut_slice();
-        for (k, output) in outputs.enumerate() {
-            if k < square {
-                by_q[k] = output;
-            } else if k < 2 * square {
-                by_v[k - square] = output;
-            } else {
-                let constant = (k - 2 * square) / nv;
-                if let Some(column) = constants.iter().position(|&c| c == constant) {
-                    out.by_p[((k - 2 * square) % nv, column)] = output;
-                }
+        let slots = out.by_q.iter_mut().chain(out.by_v.iter_mut());
+        self.run(&self.derivatives, at, r, slots);
+        let by_p = self.derivatives.outputs(r).skip(2 * nv * nv);
+        for (k, output) in by_p.enumerate() {
+            if let Some(column) = constants.iter().position(|&c| c == k / nv) {
+                out.by_p[(k % nv, column)] = output;
             }
         }
     }
+}
+
+/// C_ij = Σ_k ½ (∂M_ij/∂q_k + ∂M_ik/∂q_j − ∂M_jk/∂q_i) v_k, column by column, from ∂M/∂q_k, each column by column.
+fn christoffel(graph: &mut Graph, mass_by_q: &[Vec<Id>], nv: usize) -> Vec<Id> {
+    let at = |i: usize, j: usize| j * nv + i;
+    let mut coriolis = Vec::with_capacity(nv * nv);
+    for j in 0..nv {
+        for i in 0..nv {
+            let mut sum = graph.constant(0.0);
+            for k in 0..nv {
+                let two = graph.add(mass_by_q[k][at(i, j)], mass_by_q[j][at(i, k)]);
+                let symbol = graph.subtract(two, mass_by_q[i][at(j, k)]);
+                let half = graph.constant(0.5);
+                let symbol = graph.multiply(half, symbol);
+                let velocity = graph.variable((nv + k) as u32);
+                let term = graph.multiply(symbol, velocity);
+                sum = graph.add(sum, term);
+            }
+            coriolis.push(sum);
+        }
+    }
+    coriolis
 }
