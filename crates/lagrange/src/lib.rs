@@ -97,6 +97,11 @@
 //! # Ok::<(), lagrange::Error>(())
 //! ```
 //!
+//! # Under constraints
+//!
+//! Loops of a tree, formulas φ(q) = 0 beside a text, or a [`Constraint`](constraint::Constraint) in Rust make a mechanism a
+//! [`Constrained`](constraint::Constrained), which obeys M v̇ + C v + G = Q + Jᵀ λ: see [`constraint`].
+//!
 //! # In hot loops
 //!
 //! Every call has an `_into` twin that allocates nothing and takes the constants ([`Mechanics::parameters`]: mass scales of a URDF's
