@@ -122,7 +122,7 @@ impl Formulas {
         let mut text = String::from(if self.quadratic {
             "M(q) v̇ + C(q, v) v + G(q) = Q\n\n"
         } else {
-            "M(q, v) v̇ + b(q, v) = Q\n\nT is not quadratic in the velocities: M depends on them, and there is no matrix C. The bias force b = \
+            "M(q, v) v̇ + b(q, v) = Q\n\nT is not quadratic in the velocities: M may depend on them, and there is no matrix C. The bias force b = \
              (∂²T/∂v∂q) v − ∂T/∂q + G stands for C v + G.\n\n"
         });
         text += &format!("q = [{}]\n", written.coordinates.join(", "));
