@@ -234,11 +234,9 @@ robots! {
     a_tree_with_a_planar_joint: "stress_tree", "planar_coords";
     a_tree_with_a_planar_joint_and_a_coupling: "stress_tree", "planar_coords_mimic";
     the_quadruped_solo12_held: "solo12", "fixed";
-    #[ignore = "floating bases are not read yet"]
     the_quadruped_solo12: "solo12", "floating_quat";
     the_quadruped_solo12_on_a_chain_of_angles: "solo12", "floating_zyx";
     the_humanoid_talos_held: "talos_reduced", "fixed";
-    #[ignore = "floating bases are not read yet"]
     the_humanoid_talos: "talos_reduced", "floating_quat";
     the_humanoid_talos_on_a_chain_of_angles: "talos_reduced", "floating_zyx";
     the_robot_pr2_without_its_couplings: "pr2", "fixed";

@@ -69,6 +69,35 @@ pub enum Error {
         /// Length asked for, s.
         horizon: f64,
     },
+    /// A coordinate is a pose, and the work asked for takes one number a coordinate.
+    #[error(
+        "{work} takes coordinates of one measured number each, and `{coordinate}` is the pose of a body that floats: seven numbers \
+         in q and six in v; hold the body still (base = \"fixed\", or a fixed joint), or let it move by single joints (three \
+         prismatic and three revolute ones)"
+    )]
+    Floating {
+        /// The coordinate.
+        coordinate: String,
+        /// What cannot be done with it.
+        work: &'static str,
+    },
+    /// Errors of a signal cannot be summed up: they are beyond the range of numbers.
+    #[error(
+        "the errors of {signal} are too large to be squared: sample {sample} of run `{run}` (t = {time} s) reads {value:e}; cut the \
+         faulty samples out of the log, or correct its scale by [log.columns]"
+    )]
+    Overflow {
+        /// `q.<joint>` or `v.<joint>`.
+        signal: String,
+        /// The recording.
+        run: String,
+        /// Index of the sample with the largest reading, from 0.
+        sample: usize,
+        /// Its time, s.
+        time: f64,
+        /// What it reads.
+        value: f64,
+    },
     /// A log is given twice.
     #[error("{} is given twice (the same content as {}): a window that a fit has seen cannot be held out", second.display(), first.display())]
     SameLog {

@@ -4,11 +4,17 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::Error;
+use crate::entries::refuse_poses;
 use crate::free_run::{FreeRun, Initial, LONGEST_STEP, initial_states};
 use crate::hybrid::Hybrid;
 use crate::log::{Log, Run};
 use crate::model::{Model, Velocity};
 use crate::shooting::{Trajectory, wrap_angle};
+
+/// More than so many typical sample intervals between two samples are a gap.
+const GAP: f64 = 10.0;
+/// What this is called in errors.
+pub(crate) const WORK: &str = "an evaluation by free runs";
 
 /// What to evaluate.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,6 +52,8 @@ pub struct Evaluation {
     pub diverged: usize,
     /// Positions, then those velocities that the logs have.
     pub coordinates: Vec<SignalError>,
+    /// What should be known of the logs: gaps that no window spans.
+    pub warnings: Vec<String>,
 }
 
 /// The error of one signal.
@@ -82,8 +90,10 @@ struct Sums {
 /// difference of the simulated positions.
 ///
 /// # Errors
-/// [`Error::NoWindow`] when no recording is long enough; [`Error::Unfittable`] when every window diverges.
+/// [`Error::NoWindow`] when no recording is long enough; [`Error::Unfittable`] when every window diverges; [`Error::Overflow`] when
+/// the squares of the errors are beyond the range of numbers; [`Error::Floating`] when a coordinate is the pose of a floating body.
 pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evaluation, Error> {
+    refuse_poses(model.mechanics.coordinates(), WORK)?;
     let runs: Vec<&Run> = logs.iter().flat_map(|log| &log.runs).collect();
     let starts = starts(&runs, options);
     if starts.is_empty() {
@@ -149,12 +159,76 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
             std: (square - mean * mean).max(0.0).sqrt(),
         })
     };
+    let errors: Vec<SignalError> = channels.iter().zip(&total).filter_map(signal).collect();
+    for (error, channel) in errors.iter().zip(&channels) {
+        let numbers = [error.mae, error.rmse, error.std];
+        if numbers.iter().any(|x| !x.is_finite()) {
+            return Err(overflow(error, *channel, &runs));
+        }
+    }
     Ok(Evaluation {
         horizon_s: options.horizon,
         windows: starts.len(),
         diverged,
-        coordinates: channels.iter().zip(&total).filter_map(signal).collect(),
+        coordinates: errors,
+        warnings: runs.iter().filter_map(|run| gap_warning(run)).collect(),
     })
+}
+
+/// Names the largest reading of a signal whose errors cannot be summed up.
+fn overflow(error: &SignalError, channel: Channel, runs: &[&Run]) -> Error {
+    let mut largest = Error::Overflow {
+        signal: error.name.clone(),
+        run: String::new(),
+        sample: 0,
+        time: 0.0,
+        value: 0.0,
+    };
+    let mut most = 0.0;
+    for run in runs {
+        let column = match channel.velocity {
+            false => run.q.get(channel.coordinate),
+            true => run.v.get(channel.coordinate).and_then(Option::as_ref),
+        };
+        for (sample, (&value, &time)) in column.into_iter().flatten().zip(&run.t).enumerate() {
+            if value.abs() > most {
+                most = value.abs();
+                largest = Error::Overflow {
+                    signal: error.name.clone(),
+                    run: run.id.clone(),
+                    sample,
+                    time,
+                    value,
+                };
+            }
+        }
+    }
+    largest
+}
+
+/// How many gaps a recording has, and the longest of them.
+fn gap_warning(run: &Run) -> Option<String> {
+    let typical = typical_interval(run)?;
+    let gaps = run
+        .t
+        .windows(2)
+        .filter(|pair| pair[1] - pair[0] > GAP * typical);
+    let count = gaps.clone().count();
+    let longest = gaps.max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])))?;
+    Some(format!(
+        "run `{}` has {count} {} of more than {GAP} sample intervals, the longest {:.6} s from t = {} s on: no window spans one",
+        run.id,
+        if count == 1 { "gap" } else { "gaps" },
+        longest[1] - longest[0],
+        longest[0]
+    ))
+}
+
+/// The median time between samples, s.
+fn typical_interval(run: &Run) -> Option<f64> {
+    let mut intervals: Vec<f64> = run.t.windows(2).map(|p| p[1] - p[0]).collect();
+    intervals.sort_by(f64::total_cmp);
+    intervals.get(intervals.len() / 2).copied()
 }
 
 /// All positions, and the velocities that every recording has.
@@ -176,14 +250,11 @@ fn channels(model: &Model, runs: &[&Run]) -> Vec<Channel> {
         .collect()
 }
 
-/// (run, first sample, number of samples) of the windows: evenly spread over all that are possible. No window spans a gap of more
-/// than ten typical sample intervals.
+/// (run, first sample, number of samples) of the windows: evenly spread over all that are possible. No window spans a gap.
 fn starts(runs: &[&Run], options: &Options) -> Vec<(usize, usize, usize)> {
     let mut possible = Vec::new();
     for (index, run) in runs.iter().enumerate() {
-        let mut intervals: Vec<f64> = run.t.windows(2).map(|p| p[1] - p[0]).collect();
-        intervals.sort_by(f64::total_cmp);
-        let Some(&typical) = intervals.get(intervals.len() / 2) else {
+        let Some(typical) = typical_interval(run) else {
             continue;
         };
         let steps = (options.horizon / typical).round().max(1.0);
@@ -193,7 +264,7 @@ fn starts(runs: &[&Run], options: &Options) -> Vec<(usize, usize, usize)> {
         let count = steps as usize + 1;
         let mut since_gap = 0; // samples since the last gap, this one included
         for k in 0..run.len() {
-            let gap = k > 0 && run.t[k] - run.t[k - 1] > 10.0 * typical;
+            let gap = k > 0 && run.t[k] - run.t[k - 1] > GAP * typical;
             since_gap = if gap { 1 } else { since_gap + 1 };
             if since_gap >= count {
                 possible.push((index, k + 1 - count, count));

@@ -9,10 +9,11 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use lagrange::{ForwardDynamicsDerivatives, Mechanics, Role, Workspace};
+use lagrange::{ForwardDynamicsDerivatives, Mechanics, Role, Workspace, state};
 use nalgebra::{DMatrix, DVector};
 
 use crate::effect::{Action, Grid, JointForce, Kind, Signal, default_smoothing};
+use crate::entries::{Start, starts};
 use crate::model::{Model, Target};
 
 /// One entry of θ.
@@ -58,6 +59,8 @@ pub struct Placed {
 #[derive(Clone)]
 pub struct Hybrid {
     mechanics: Arc<dyn Mechanics>,
+    /// Where each coordinate stands in q and in v.
+    starts: Vec<Start>,
     /// The coordinate each input acts on.
     input_coordinates: Vec<usize>,
     effects: Vec<Placed>,
@@ -141,9 +144,10 @@ impl Hybrid {
     ) -> Self {
         debug_assert_eq!(
             constants.len(),
-            mechanics.parameters().len() + input_coordinates.len() + mechanics.nv()
+            mechanics.parameters().len() + input_coordinates.len() + mechanics.coordinates().len()
         );
         Hybrid {
+            starts: starts(mechanics.coordinates()),
             mechanics,
             input_coordinates,
             effects: Vec::new(),
@@ -198,7 +202,7 @@ impl Hybrid {
     }
 
     fn base_len(&self) -> usize {
-        self.mechanics.parameters().len() + self.input_coordinates.len() + self.mechanics.nv()
+        self.mechanics.parameters().len() + self.input_coordinates.len() + self.starts.len()
     }
 
     /// The known mechanics.
@@ -206,7 +210,12 @@ impl Hybrid {
         &*self.mechanics
     }
 
-    /// Number of coordinates.
+    /// Length of q: more than [`nv`](Self::nv) where a body floats.
+    pub fn nq(&self) -> usize {
+        self.mechanics.nq()
+    }
+
+    /// Degrees of freedom: as many as coordinates, unless a body floats.
     pub fn nv(&self) -> usize {
         self.mechanics.nv()
     }
@@ -277,7 +286,7 @@ impl Hybrid {
             ConstantId::Effect(e, k) => {
                 let Placed { kind, target, .. } = self.effects[e];
                 let on = match kind.action {
-                    Action::Joint(_) => &self.mechanics.coordinates()[target].joint,
+                    Action::Joint(_) => &self.mechanics.coordinates()[target].name,
                     Action::Drive(_) => &inputs[target],
                 };
                 format!("{} of {} on `{on}`", kind.parameters[k].name, kind.name)
@@ -391,15 +400,32 @@ impl Hybrid {
     ) {
         memory.acceleration.fill(0.0);
         for (signal, &coordinate) in inputs.forces.iter().zip(&self.input_coordinates) {
-            memory.acceleration[coordinate] += signal.value[step];
+            memory.acceleration[self.starts[coordinate].v] += signal.value[step];
         }
         for (law, effect, range) in self.forces() {
-            memory.acceleration[effect.target] += law.force(
-                q[effect.target],
-                v[effect.target],
+            let at = self.starts[effect.target];
+            memory.acceleration[at.v] += law.force(
+                q[at.q],
+                v[at.v],
                 &theta[range.clone()],
                 effect.smoothing * self.smoothing_scale,
             );
+        }
+    }
+
+    /// q̇ at the velocity `v`: v itself, except where a body floats.
+    pub fn position_rate(&self, q: &[f64], v: &[f64], out: &mut [f64]) {
+        if out.len() == v.len() {
+            out.copy_from_slice(v);
+        } else {
+            state::position_rate_into(self.mechanics.coordinates(), q, v, out);
+        }
+    }
+
+    /// Puts q back onto the configuration manifold: its quaternions become of length 1.
+    pub fn normalize(&self, q: &mut [f64]) {
+        if q.len() != self.nv() {
+            state::normalize(self.mechanics.coordinates(), q);
         }
     }
 
@@ -436,24 +462,25 @@ impl Hybrid {
         for (signal, &coordinate) in inputs.forces.iter().zip(&self.input_coordinates) {
             for (index, derivative) in &signal.by_parameter {
                 if let Some(column) = column(*index) {
-                    rhs[(coordinate, column)] += derivative[step];
+                    rhs[(self.starts[coordinate].v, column)] += derivative[step];
                 }
             }
         }
         for (law, effect, range) in self.forces() {
             let by_parameter = &mut memory.by_parameter[..range.len()];
+            let Start { q: iq, v: iv } = self.starts[effect.target];
             let at = law.derivatives(
-                q[effect.target],
-                v[effect.target],
+                q[iq],
+                v[iv],
                 &theta[range.clone()],
                 effect.smoothing * self.smoothing_scale,
                 by_parameter,
             );
-            rhs[(effect.target, effect.target)] += at.by_q;
-            rhs[(effect.target, n + effect.target)] += at.by_v;
+            rhs[(iv, iv)] += at.by_q;
+            rhs[(iv, n + iv)] += at.by_v;
             for (index, derivative) in range.clone().zip(by_parameter) {
                 if let Some(column) = column(index) {
-                    rhs[(effect.target, column)] += *derivative;
+                    rhs[(iv, column)] += *derivative;
                 }
             }
         }

@@ -34,6 +34,7 @@ pub mod report;
 pub mod shooting;
 
 mod disk;
+mod entries;
 mod error;
 mod naming;
 

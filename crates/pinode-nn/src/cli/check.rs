@@ -153,7 +153,7 @@ fn document(model: &Model) -> Value {
     json!({
         "name": model.name,
         "coordinates": coordinates.iter().map(|c| json!({
-            "name": c.name, "joint": c.joint, "unit": c.unit(), "wraps": c.wraps,
+            "name": c.name, "joint": c.joint, "nq": c.nq(), "nv": c.nv(), "unit": c.unit(), "wraps": c.wraps,
         })).collect::<Vec<_>>(),
         "joints": joints,
         "constraints": constraints,
@@ -174,7 +174,15 @@ fn text(model: &Model) -> String {
     let _ = writeln!(out, "\ncoordinates (in this order):");
     for c in coordinates {
         let wraps = if c.wraps { ", wraps" } else { "" };
-        let _ = writeln!(out, "  {} [{}{wraps}]", c.name, c.unit());
+        let more = match (c.floating, c.name == c.joint) {
+            (true, _) => {
+                " pose: in q position x y z and unit quaternion w x y z, in v linear and angular velocity in the body's axes"
+                    .to_owned()
+            }
+            (false, false) => format!(" of joint {}", c.joint),
+            (false, true) => String::new(),
+        };
+        let _ = writeln!(out, "  {} [{}{wraps}]{more}", c.name, c.unit());
     }
     if let Some(tree) = &model.tree {
         let _ = writeln!(out, "\njoints:");

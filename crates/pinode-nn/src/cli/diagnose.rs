@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use super::workflow::{self, Task, command_line};
 use super::{Output, summary};
 use crate::Error;
+use crate::diagnose;
+use crate::entries::refuse_poses;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
@@ -23,6 +25,7 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(), Error> {
     let model = output.load_model(&arguments.model)?;
+    refuse_poses(model.mechanics.coordinates(), diagnose::WORK)?;
     let read = |paths: &[PathBuf]| {
         let logs = paths.iter().map(|path| output.read_log(path, &model));
         logs.collect::<Result<Vec<_>, _>>()

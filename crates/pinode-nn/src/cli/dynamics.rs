@@ -1,17 +1,29 @@
 //! `pinode dynamics`: the equations of motion at given states, JSON in and out.
+//!
+//! q has the entries of all coordinates one after the other, v and tau those of their velocities. A floating body has seven in q,
+//! position and unit quaternion w x y z, and six in v and tau: linear, then angular, in the body's own axes. The rows and columns of
+//! all matrices follow v. `coriolis_matrix` is Christoffel's where every coordinate is a single number; the velocities of a floating
+//! body are no rates of coordinates, and there it is one of the C with C v + G = bias_force and Ṁ − 2C skew.
+//!
+//! `--derivatives` adds `acceleration_by_q`, `acceleration_by_v` and `acceleration_by_tau`, nv × nv each, row i of the acceleration's
+//! entry i. For a floating body the derivatives in q are along its velocities: column j is the rate of v̇ while q moves with v = e_j.
 
 use std::path::{Path, PathBuf};
 
-use lagrange::{Mechanics, Position, Problem, Problems, Workspace};
+use lagrange::{Coordinate, ForwardDynamicsDerivatives, Mechanics, Workspace};
+use lagrange::{Position, Problem, Problems, state};
 use nalgebra::{DMatrix, DVector};
 use serde_json::{Value, json};
 
 use super::output::Output;
 use crate::Error;
+use crate::entries::starts;
 use crate::model::Model;
 
 /// More problems than these are only counted.
 const MOST_PROBLEMS: usize = 20;
+/// A quaternion may be as much longer or shorter than 1, from rounding in a file; it is then made of length 1.
+const QUATERNION_TOLERANCE: f64 = 1e-6;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
@@ -19,6 +31,9 @@ pub(super) struct Arguments {
     model: PathBuf,
     /// {"states": [{"q": […], "v": […], "tau": […]}, …]}; tau is the total generalized force Q
     states: PathBuf,
+    /// Add the derivatives of the acceleration in q, v and tau
+    #[arg(long)]
+    derivatives: bool,
 }
 
 pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
@@ -26,7 +41,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     let path = &arguments.states;
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
     let states = read(path, &bytes, &model)?;
-    output.document(&evaluate(path, &model, &states)?)
+    output.document(&evaluate(path, &model, &states, arguments.derivatives)?)
 }
 
 struct State {
@@ -67,6 +82,8 @@ fn read(path: &Path, bytes: &[u8], model: &Model) -> Result<Vec<State>, Error> {
     for (i, state) in list.iter().enumerate() {
         let mut vector = |key: &str| vector(model, state, i, key, &mut problems);
         let (q, v, tau) = (vector("q"), vector("v"), vector("tau"));
+        let coordinates = model.mechanics.coordinates();
+        let q = q.and_then(|q| on_the_manifold(coordinates, q, i, &mut problems));
         if let (Some(q), Some(v), Some(tau)) = (q, v, tau) {
             states.push(State { q, v, tau });
         }
@@ -95,12 +112,23 @@ fn vector(
         None => return problem(" is missing".into()),
     };
     let coordinates = model.mechanics.coordinates();
-    if list.len() != coordinates.len() {
-        let names: Vec<&str> = coordinates.iter().map(|c| c.name.as_str()).collect();
+    let length = |c: &Coordinate| if key == "q" { c.nq() } else { c.nv() };
+    let expected: usize = coordinates.iter().map(length).sum();
+    if list.len() != expected {
+        let names: Vec<String> = coordinates
+            .iter()
+            .map(|c| match length(c) {
+                1 => c.name.clone(),
+                entries => format!("{} ({entries} entries)", c.name),
+            })
+            .collect();
+        let takes = match expected == names.len() {
+            true => format!("the model has {expected} coordinates"),
+            false => format!("the model takes {expected}"),
+        };
         return problem(format!(
-            " has {} entries, the model has {} coordinates: {}",
+            " has {} entries, {takes}: {}",
             list.len(),
-            names.len(),
             names.join(", ")
         ));
     }
@@ -114,8 +142,44 @@ fn vector(
     Some(numbers)
 }
 
+/// q with its quaternions of length 1, unless one is far from that.
+fn on_the_manifold(
+    coordinates: &[Coordinate],
+    mut q: Vec<f64>,
+    i: usize,
+    problems: &mut Vec<Problem>,
+) -> Option<Vec<f64>> {
+    let before = problems.len();
+    for (coordinate, start) in coordinates.iter().zip(starts(coordinates)) {
+        if !coordinate.floating {
+            continue;
+        }
+        let quaternion = q.get(start.q + 3..start.q + 7).unwrap_or_default();
+        let length = quaternion.iter().fold(0.0_f64, |l, x| l.hypot(*x));
+        if (length - 1.0).abs() > QUATERNION_TOLERANCE {
+            problems.push(Problem::general(format!(
+                "states[{i}].q[{}..={}], the quaternion w x y z of `{}`, has length {length}: it must be 1 to within \
+                 {QUATERNION_TOLERANCE:e}; divide it by its length",
+                start.q + 3,
+                start.q + 6,
+                coordinate.name
+            )));
+        }
+    }
+    if problems.len() > before {
+        return None;
+    }
+    state::normalize(coordinates, &mut q);
+    Some(q)
+}
+
 /// The output document.
-fn evaluate(path: &Path, model: &Model, states: &[State]) -> Result<Value, Error> {
+fn evaluate(
+    path: &Path,
+    model: &Model,
+    states: &[State],
+    derivatives: bool,
+) -> Result<Value, Error> {
     let mechanics = &*model.mechanics;
     let p = &model.parameter_values;
     let n = mechanics.nv();
@@ -146,18 +210,34 @@ fn evaluate(path: &Path, model: &Model, states: &[State]) -> Result<Value, Error
             .iter()
             .find(|(_, numbers)| numbers.iter().any(|x| !x.is_finite()));
         if let Some((name, _)) = infinite {
+            let why = too_large(mechanics, (q, v), p, &mut work).unwrap_or_else(|| {
+                "the energies have a singular point at or near this state".into()
+            });
             problems.push(Problem::general(format!(
-                "states[{i}]: {name} is not finite there: the energies have a singular point at or near this state"
+                "states[{i}]: {name} is not finite there: {why}"
             )));
             continue;
         }
-        let multipliers = match accelerate(mechanics, (q, v), p, &mut work, &mut acceleration) {
-            Ok(multipliers) => multipliers,
-            Err(e) => {
-                problems.push(Problem::general(format!("states[{i}]: {e}")));
-                continue;
-            }
+        let moved = accelerate(mechanics, (q, v), p, &mut work, &mut acceleration);
+        let finite = acceleration.iter().all(|x| x.is_finite());
+        let (multipliers, failure) = match moved {
+            Ok(multipliers) if finite => (multipliers, None),
+            Ok(_) => (None, Some("the acceleration is not finite there: the mass matrix is nearly singular at this state".to_owned())),
+            Err(e) => (None, Some(e.to_string())),
         };
+        if let Some(failure) = failure {
+            // Where the same state has an acceleration without tau, it is tau that takes it away.
+            acceleration.fill(0.0);
+            let idle = mechanics.forward_dynamics_into(q, v, p, &mut work, &mut acceleration);
+            let good = idle.is_ok() && acceleration.iter().all(|x| x.is_finite());
+            problems.push(Problem::general(match largest(tau) {
+                Some((k, x)) if good => format!(
+                    "states[{i}].tau[{k}] is {x:e}: the acceleration under it is beyond the range of numbers; check its unit and exponent"
+                ),
+                _ => format!("states[{i}]: {failure}"),
+            }));
+            continue;
+        }
         // C is defined for T quadratic in v; where C v + G is not the bias force there is no such C.
         let error = (&coriolis * DVector::from_column_slice(v) + &gravity - &bias).amax();
         let has_coriolis = error <= 1e-9 * (1.0 + bias.amax());
@@ -173,6 +253,27 @@ fn evaluate(path: &Path, model: &Model, states: &[State]) -> Result<Value, Error
         if let Some(multipliers) = multipliers {
             result["multipliers"] = multipliers;
         }
+        if derivatives {
+            let mut by = ForwardDynamicsDerivatives::zeros(n, 0);
+            let found =
+                mechanics.forward_dynamics_derivatives_into(q, v, tau, p, &[], &mut work, &mut by);
+            if let Err(e) = found {
+                problems.push(Problem::general(format!("states[{i}]: {e}")));
+                continue;
+            }
+            for (key, matrix) in [
+                ("acceleration_by_q", &by.by_q),
+                ("acceleration_by_v", &by.by_v),
+                ("acceleration_by_tau", &by.by_force),
+            ] {
+                if matrix.iter().any(|x| !x.is_finite()) {
+                    problems.push(Problem::general(format!(
+                        "states[{i}]: {key} is not finite there, while the acceleration is: the energies have no second or third derivative at this state"
+                    )));
+                }
+                result[key] = json!(rows(matrix));
+            }
+        }
         results.push(result);
     }
     if !problems.is_empty() {
@@ -184,7 +285,7 @@ fn evaluate(path: &Path, model: &Model, states: &[State]) -> Result<Value, Error
     let coordinates: Vec<Value> = mechanics
         .coordinates()
         .iter()
-        .map(|c| json!({ "name": c.name, "joint": c.joint, "nq": 1, "nv": 1, "unit": c.unit() }))
+        .map(|c| json!({ "name": c.name, "joint": c.joint, "nq": c.nq(), "nv": c.nv(), "unit": c.unit() }))
         .collect();
     Ok(json!({ "coordinates": coordinates, "states": results }))
 }
@@ -218,6 +319,38 @@ fn accelerate(
         })
         .collect();
     Ok(Some(list.into()))
+}
+
+/// The entry of `v` that makes the bias force or the kinetic energy overflow, where it is finite at rest.
+fn too_large(
+    mechanics: &dyn Mechanics,
+    (q, v): (&[f64], &[f64]),
+    p: &[f64],
+    work: &mut Workspace,
+) -> Option<String> {
+    let rest = vec![0.0; v.len()];
+    let mut bias = DVector::zeros(v.len());
+    mechanics.bias_force_into(q, &rest, p, work, &mut bias);
+    if bias.iter().any(|x| !x.is_finite()) {
+        return None;
+    }
+    // At rest M is all that T has, so it is looked at as well.
+    let mut mass = DMatrix::zeros(v.len(), v.len());
+    mechanics.mass_matrix_into(q, p, work, &mut mass);
+    if mass.iter().any(|x| !x.is_finite()) {
+        return None;
+    }
+    let (k, x) = largest(v)?;
+    Some(format!(
+        "v[{k}] is {x:e}, and what is made of it is beyond the range of numbers; check its unit and exponent"
+    ))
+}
+
+/// Index and value of the entry of largest magnitude, unless all are 0.
+fn largest(list: &[f64]) -> Option<(usize, f64)> {
+    let all = list.iter().copied().enumerate();
+    all.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
+        .filter(|(_, x)| *x != 0.0)
 }
 
 fn rows(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {

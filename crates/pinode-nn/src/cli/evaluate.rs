@@ -8,7 +8,8 @@ use clap::ValueEnum;
 use super::output::Output;
 use super::simulate::positive;
 use crate::Error;
-use crate::evaluate::{Evaluation, Options, evaluate};
+use crate::entries::refuse_poses;
+use crate::evaluate::{Evaluation, Options, WORK, evaluate};
 use crate::free_run::{Initial, LONGEST_STEP};
 
 #[derive(Debug, clap::Args)]
@@ -19,7 +20,7 @@ pub(super) struct Arguments {
     #[arg(required = true)]
     logs: Vec<PathBuf>,
     /// Length of a window, s
-    #[arg(long, value_name = "S", default_value_t = 0.6, value_parser = positive)]
+    #[arg(long, value_name = "S", default_value_t = 0.6, value_parser = positive, allow_negative_numbers = true)]
     horizon: f64,
     /// Number of windows, spread evenly over the logs
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..))]
@@ -28,7 +29,7 @@ pub(super) struct Arguments {
     #[arg(long, value_enum, default_value_t = Start::Measured)]
     initial: Start,
     /// Longest integration step, s
-    #[arg(long, value_name = "S", default_value_t = LONGEST_STEP, value_parser = positive)]
+    #[arg(long, value_name = "S", default_value_t = LONGEST_STEP, value_parser = positive, allow_negative_numbers = true)]
     step: f64,
 }
 
@@ -42,6 +43,7 @@ enum Start {
 
 pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     let model = output.load_model(&arguments.model)?;
+    refuse_poses(model.mechanics.coordinates(), WORK)?;
     let logs = arguments
         .logs
         .iter()
@@ -62,6 +64,9 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
             "warning: {} of {} windows diverged and are left out of the errors",
             evaluation.diverged, evaluation.windows
         ));
+    }
+    for warning in &evaluation.warnings {
+        output.note(&format!("warning: {warning}"));
     }
     output.result(&evaluation, &text(&evaluation))
 }

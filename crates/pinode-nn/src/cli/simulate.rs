@@ -1,13 +1,19 @@
 //! `pinode simulate`: rolls a model out and writes the trajectory as a log.
+//!
+//! The columns are t, `q.<coordinate>` and `v.<coordinate>` in the model's order, `u.<input>`, and `run` with a log. The pose of a
+//! floating body has seven columns `q.<name>.x`, `.y`, `.z` (m), `.qw`, `.qx`, `.qy`, `.qz` (its unit quaternion), and six
+//! `v.<name>.vx`, `.vy`, `.vz` (m/s), `.wx`, `.wy`, `.wz` (rad/s), both in the body's own axes. `--initial` takes the same numbers in
+//! the same order; its quaternions are made of length 1.
 
 use std::path::PathBuf;
 
-use lagrange::{Problem, Problems};
+use lagrange::{Problem, Problems, state};
 use serde_json::json;
 
 use super::output::Output;
 use crate::Error;
 use crate::disk::write_atomically;
+use crate::entries::{q_names, starts, v_names};
 use crate::free_run::{Initial, LONGEST_STEP, initial_states, simulate};
 use crate::log::Run;
 use crate::model::Model;
@@ -25,9 +31,10 @@ pub(super) struct Arguments {
     #[arg(long)]
     log: Option<PathBuf>,
     /// Length, s [default: the log's; 10 without a log]
-    #[arg(long, value_name = "S", value_parser = positive)]
+    #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     duration: Option<f64>,
-    /// Initial state: positions, then velocities [default: the log's; 0 without a log]
+    /// Initial state: positions, then velocities; a floating body has seven positions (x y z and a quaternion w x y z) and six
+    /// velocities (linear, angular, in its own axes) [default: the log's; 0 and no rotation without a log]
     #[arg(
         long,
         value_name = "Q1,Q2,…,V1,V2,…",
@@ -36,10 +43,10 @@ pub(super) struct Arguments {
     )]
     initial: Option<Vec<f64>>,
     /// Interval between samples without a log, s
-    #[arg(long, value_name = "S", default_value_t = 0.01, value_parser = positive, conflicts_with = "log")]
+    #[arg(long, value_name = "S", default_value_t = 0.01, value_parser = positive, allow_negative_numbers = true, conflicts_with = "log")]
     sample: f64,
     /// Longest integration step, s
-    #[arg(long, value_name = "S", default_value_t = LONGEST_STEP, value_parser = positive)]
+    #[arg(long, value_name = "S", default_value_t = LONGEST_STEP, value_parser = positive, allow_negative_numbers = true)]
     step: f64,
     /// The trajectory, in the format of a log: positions as the sensors would read them without noise, velocities of the model
     #[arg(long, value_name = "TRAJ.csv")]
@@ -57,7 +64,6 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 
 pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     let model = output.load_model(&arguments.model)?;
-    let n = model.mechanics.nv();
     for input in std::iter::once(&arguments.model).chain(&arguments.log) {
         if let (Ok(input), Ok(out)) = (input.canonicalize(), arguments.out.canonicalize())
             && input == out
@@ -76,9 +82,10 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
             ))],
         }));
     }
-    if let Some(initial) = &arguments.initial {
-        check_initial(&model, initial)?;
-    }
+    let given = match &arguments.initial {
+        Some(initial) => Some(given_initial(&model, initial)?),
+        None => None,
+    };
     let runs = match &arguments.log {
         Some(path) => output.read_log(path, &model)?.runs,
         None => vec![still_run(&model, arguments)?],
@@ -89,11 +96,16 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
         if let Some(duration) = arguments.duration {
             shorten(&mut run, duration);
         }
-        let measured = initial_states(&model, &run, Initial::Measured);
-        let initial = match (&arguments.initial, measured.into_iter().next()) {
+        let initial = match (&given, &arguments.log) {
             (Some(given), _) => given.clone(),
-            (None, Some(first)) => first,
-            (None, None) => vec![0.0; 2 * n],
+            (None, Some(_)) => {
+                let measured = initial_states(&model, &run, Initial::Measured);
+                measured
+                    .into_iter()
+                    .next()
+                    .unwrap_or_else(|| at_rest(&model))
+            }
+            (None, None) => at_rest(&model),
         };
         let initial = consistent(&model, &run.id, initial, output)?;
         let states = simulate(&model, &run.id, &run.t, &run.u, &initial, arguments.step)?;
@@ -138,14 +150,19 @@ fn consistent(
     Ok(consistent)
 }
 
-fn check_initial(model: &Model, initial: &[f64]) -> Result<(), Error> {
+/// The state of all zeros, floating bodies not rotated.
+fn at_rest(model: &Model) -> Vec<f64> {
+    let mut state = state::neutral(model.mechanics.coordinates());
+    state.resize(state.len() + model.mechanics.nv(), 0.0);
+    state
+}
+
+/// What `--initial` says, with quaternions of length 1.
+fn given_initial(model: &Model, initial: &[f64]) -> Result<Vec<f64>, Error> {
     let coordinates = model.mechanics.coordinates();
     let mut list = Vec::new();
-    if initial.len() != 2 * coordinates.len() {
-        let names: Vec<String> = ["q", "v"]
-            .iter()
-            .flat_map(|s| coordinates.iter().map(move |c| format!("{s}.{}", c.name)))
-            .collect();
+    let names = [q_names(coordinates), v_names(coordinates)].concat();
+    if initial.len() != names.len() {
         list.push(Problem::general(format!(
             "{} numbers are given, the state has {}: {}",
             initial.len(),
@@ -156,8 +173,21 @@ fn check_initial(model: &Model, initial: &[f64]) -> Result<(), Error> {
     if let Some(x) = initial.iter().find(|x| !x.is_finite()) {
         list.push(Problem::general(format!("{x} is not finite")));
     }
+    let mut initial = initial.to_vec();
+    for (coordinate, start) in coordinates.iter().zip(starts(coordinates)) {
+        let quaternion = initial.get(start.q + 3..start.q + 7).unwrap_or_default();
+        if coordinate.floating && list.is_empty() && quaternion.iter().all(|x| *x == 0.0) {
+            list.push(Problem::general(format!(
+                "the quaternion of `{}` is 0 and gives no orientation: give 1,0,0,0 for none",
+                coordinate.name
+            )));
+        }
+    }
     if list.is_empty() {
-        return Ok(());
+        if let Some(q) = initial.get_mut(..model.mechanics.nq()) {
+            state::normalize(coordinates, q);
+        }
+        return Ok(initial);
     }
     Err(Error::Problems(Problems {
         source: "--initial".into(),
@@ -165,9 +195,8 @@ fn check_initial(model: &Model, initial: &[f64]) -> Result<(), Error> {
     }))
 }
 
-/// A recording without inputs, at rest in 0.
+/// The times of a recording in which nothing is measured and all inputs are 0.
 fn still_run(model: &Model, arguments: &Arguments) -> Result<Run, Error> {
-    let n = model.mechanics.nv();
     let steps = (arguments.duration.unwrap_or(10.0) / arguments.sample).round();
     if steps > MOST_SAMPLES {
         return Err(Error::Problems(Problems {
@@ -183,12 +212,8 @@ fn still_run(model: &Model, arguments: &Arguments) -> Result<Run, Error> {
     let zeros = vec![0.0; t.len()];
     Ok(Run {
         id: "0".into(),
-        q: model
-            .sensors
-            .iter()
-            .map(|s| vec![s.zero; t.len()])
-            .collect(),
-        v: vec![Some(zeros.clone()); n],
+        q: Vec::new(),
+        v: Vec::new(),
         u: vec![zeros; model.inputs.len()],
         t,
     })
@@ -211,11 +236,10 @@ fn shorten(run: &mut Run, duration: f64) {
 }
 
 fn header(model: &Model, with_run: bool) -> String {
+    let coordinates = model.mechanics.coordinates();
     let mut names = vec!["t".to_owned()];
-    for signal in ["q", "v"] {
-        let coordinates = model.mechanics.coordinates();
-        names.extend(coordinates.iter().map(|c| format!("{signal}.{}", c.name)));
-    }
+    names.extend(q_names(coordinates));
+    names.extend(v_names(coordinates));
     names.extend(model.inputs.iter().map(|input| format!("u.{}", input.name)));
     if with_run {
         names.push("run".into());
@@ -232,13 +256,18 @@ fn write_rows(
 ) -> Result<(), Error> {
     let mut writer = csv::Writer::from_writer(text);
     let mut record = csv::StringRecord::new();
-    let n = model.mechanics.nv();
+    let coordinates = model.mechanics.coordinates();
+    let zeros: Vec<f64> = coordinates
+        .iter()
+        .zip(&model.sensors)
+        .flat_map(|(c, sensor)| vec![sensor.zero; c.nq()])
+        .collect();
     for (k, (state, t)) in states.iter().zip(&run.t).enumerate() {
         record.clear();
         record.push_field(&t.to_string());
-        let (q, v) = state.split_at(n);
-        for (q, sensor) in q.iter().zip(&model.sensors) {
-            record.push_field(&(q + sensor.zero).to_string());
+        let (q, v) = state.split_at(zeros.len());
+        for (q, zero) in q.iter().zip(&zeros) {
+            record.push_field(&(q + zero).to_string());
         }
         for v in v {
             record.push_field(&v.to_string());

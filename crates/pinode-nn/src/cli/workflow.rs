@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 use super::Output;
 use super::progress::Progress;
 use crate::Error;
-use crate::diagnose::diagnose;
+use crate::diagnose::diagnose_into;
 use crate::diagnose::verdict::Diagnosis;
-use crate::disk::write_atomically;
+use crate::disk::Staged;
 use crate::log::Log;
 use crate::model::Model;
 use crate::report;
@@ -44,8 +44,9 @@ pub struct Finished {
     pub model: PathBuf,
 }
 
-/// Diagnoses and writes `model.toml` (with its URDF beside it), `report.html` and, last, `diagnosis.json`. Each file is written
-/// whole or not at all; when something fails, no new file and no new folder is left.
+/// Diagnoses and writes `model.toml` (with its URDF beside it), `report.html` and `diagnosis.json`. All three are written under other
+/// names first and renamed together at the end, so that no old file stands beside a new one; when something fails, no new file and no
+/// new folder is left.
 ///
 /// # Errors
 /// Those of [`diagnose`]; [`Error::OverwritesInput`], [`Error::Io`].
@@ -67,33 +68,39 @@ pub fn run(task: &Task, output: &Output) -> Result<Finished, Error> {
 
 fn work(task: &Task, output: &Output) -> Result<Finished, Error> {
     let progress = Progress::new(output);
-    let outcome = diagnose(
+    let [model, json, report] = OWN_FILES.map(|name| task.out.join(name));
+    let draft = tempfile::Builder::new()
+        .prefix(".model-")
+        .suffix(".toml")
+        .tempfile_in(task.out)
+        .map_err(|e| Error::io(&model, e))?
+        .into_temp_path();
+    let draft_name = draft.file_name().unwrap_or_default().to_string_lossy();
+    let outcome = diagnose_into(
         task.model,
         task.logs,
         task.held_out,
-        task.out,
+        (task.out, &draft_name),
         task.seed,
         &|stage| progress.stage(stage),
     )?;
     progress.stage("writing the report");
-    let text = std::fs::read_to_string(&outcome.model).map_err(|e| Error::io(&outcome.model, e))?;
-    let report = report::write(
-        task.out,
-        &outcome.diagnosis,
-        &outcome.curves,
-        &text,
-        task.command,
-    )?;
-    let json = task.out.join("diagnosis.json");
+    let text = std::fs::read_to_string(&draft).map_err(|e| Error::io(&draft, e))?;
+    let page = report::render(&outcome.diagnosis, &outcome.curves, &text, task.command)?;
     let mut bytes =
         serde_json::to_vec_pretty(&outcome.diagnosis).map_err(|e| Error::io(&json, e.into()))?;
     bytes.push(b'\n');
-    write_atomically(&json, &bytes)?;
+    let staged = [
+        Staged::write(&report, page.as_bytes())?,
+        Staged::write(&model, text.as_bytes())?,
+        Staged::write(&json, &bytes)?,
+    ];
+    staged.into_iter().try_for_each(Staged::commit)?;
     Ok(Finished {
         diagnosis: outcome.diagnosis,
         report,
         json,
-        model: outcome.model,
+        model,
     })
 }
 

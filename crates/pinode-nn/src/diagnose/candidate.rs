@@ -87,7 +87,7 @@ impl Candidate {
     /// Name of its target.
     pub fn target_name<'a>(&self, hybrid: &'a Hybrid, inputs: &'a [String]) -> &'a str {
         match self.kind.action {
-            Action::Joint(_) => &hybrid.mechanics().coordinates()[self.target].joint,
+            Action::Joint(_) => &hybrid.mechanics().coordinates()[self.target].name,
             Action::Drive(_) => &inputs[self.target],
         }
     }

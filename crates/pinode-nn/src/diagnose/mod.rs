@@ -30,6 +30,7 @@ use self::curves::Curves;
 use self::setup::prepare;
 use self::verdict::{Diagnosis, LogProvenance, Provenance, Verdict};
 use crate::Error;
+use crate::entries::refuse_poses;
 use crate::hybrid::Hybrid;
 use crate::log::Log;
 use crate::model::Model;
@@ -40,6 +41,9 @@ pub use setup::{FEWEST_WINDOWS, WINDOW_S};
 pub const HORIZON_S: f64 = 0.6;
 /// Length of the stretch before a free run that its initial state is fitted to, s.
 pub const LEAD_S: f64 = 0.3;
+
+/// What this is called in errors.
+pub(crate) const WORK: &str = "a diagnosis";
 
 /// What a diagnosis produced.
 #[derive(Clone)]
@@ -58,7 +62,7 @@ pub struct Outcome {
 /// The same seed gives the same result, bit for bit, for any number of threads.
 ///
 /// # Errors
-/// [`Error::SameLog`] when a log is given twice; [`Error::TooShort`] when the logs hold too few windows; [`Error::Unfittable`] when the model as given cannot be simulated over
+/// [`Error::Floating`] when a coordinate is the pose of a floating body; [`Error::SameLog`] when a log is given twice; [`Error::TooShort`] when the logs hold too few windows; [`Error::Unfittable`] when the model as given cannot be simulated over
 /// them; what [`Model::write_revision`] and [`Model::load`] return.
 pub fn diagnose(
     model: &Model,
@@ -68,6 +72,19 @@ pub fn diagnose(
     seed: u64,
     report: &dyn Fn(&str),
 ) -> Result<Outcome, Error> {
+    diagnose_into(model, logs, held_out, (out, "model.toml"), seed, report)
+}
+
+/// [`diagnose`], with another name for the new model.
+pub(crate) fn diagnose_into(
+    model: &Model,
+    logs: &[Log],
+    held_out: &[Log],
+    (out, file_name): (&Path, &str),
+    seed: u64,
+    report: &dyn Fn(&str),
+) -> Result<Outcome, Error> {
+    refuse_poses(model.mechanics.coordinates(), WORK)?;
     let all: Vec<&Log> = logs.iter().chain(held_out).collect();
     for (k, second) in all.iter().enumerate() {
         if let Some(first) = all[..k].iter().find(|first| first.sha256 == second.sha256) {
@@ -119,7 +136,7 @@ pub fn diagnose(
         substeps: study.substeps,
     };
     let revision = write_up::revision(model, &search, &provenance);
-    let path = model.write_revision(out, "model.toml", &revision)?;
+    let path = model.write_revision(out, file_name, &revision)?;
     // What is measured is what was written: the file is read back.
     let written = Hybrid::of(&Model::load(&path)?);
     let first_guess = |run: usize, k: usize| prepared.smoothed[run].state(k);

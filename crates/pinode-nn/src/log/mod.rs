@@ -14,6 +14,7 @@ use lagrange::{Coordinate, Problem};
 pub use columns::{ColumnMap, Mapping};
 
 use crate::Error;
+use crate::entries::refuse_poses;
 use crate::model::{Model, Velocity};
 
 /// Runs shorter than this are left out, with a warning.
@@ -75,8 +76,10 @@ impl Log {
     /// Reads the log at `path` for `model`.
     ///
     /// # Errors
-    /// [`Error::Io`], or [`Error::Problems`] with every fault, by line and column (the first twenty, and how many more).
+    /// [`Error::Io`], or [`Error::Problems`] with every fault, by line and column (the first twenty, and how many more);
+    /// [`Error::Floating`] when the model has the pose of a floating body among its coordinates.
     pub fn read(path: &Path, model: &Model) -> Result<Log, Error> {
+        refuse_poses(model.mechanics.coordinates(), "a log")?;
         let velocities: Vec<bool> = model
             .sensors
             .iter()

@@ -10,7 +10,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::document::{Faults, Section, mismatch};
 use super::mechanism::{self, find_coordinate};
-use super::{Input, Model, effects, sensor, tolerance};
+use super::{Input, Model, effects, massless, sensor, tolerance};
 use crate::Error;
 use crate::log::{ColumnMap, Mapping};
 use crate::naming::{hint, quoted};
@@ -105,6 +105,9 @@ pub(super) fn parse(path: &Path, text: String, strict: bool) -> Result<Model, Er
     let tolerance = tolerance::read(&root, mechanics, &mut faults);
     let parameter_values = tolerance::parameter_values(&root, mechanics, &mut faults);
     let columns = columns(&root, mechanics, &named, &mut faults);
+    if let Some(mechanics) = mechanics {
+        massless::check(&root, mechanics, &parameter_values, &mut faults);
+    }
 
     let Some(mechanism) = mechanism.filter(|_| faults.is_empty()) else {
         return Err(Error::Problems(together(source, &text, faults, foreign)));
@@ -232,7 +235,8 @@ fn columns(
         return map;
     };
     let mut signals = vec!["t".to_owned(), "run".to_owned()];
-    for coordinate in mechanics.map_or(&[][..], |m| m.coordinates()) {
+    let coordinates = mechanics.map_or(&[][..], |m| m.coordinates());
+    for coordinate in coordinates.iter().filter(|c| !c.floating) {
         signals.push(format!("q.{}", coordinate.name));
         signals.push(format!("v.{}", coordinate.name));
     }

@@ -85,19 +85,21 @@ fn from_urdf(
     warnings: &mut Vec<Problems>,
 ) -> Option<Mechanism> {
     let gravity = gravity(root, faults);
-    if let Some(base) = root.string("base", faults) {
-        match base.value {
-            "fixed" => {}
-            "floating" => faults.at(
-                base.offset(),
-                "base = \"floating\" is not supported yet: the base must be \"fixed\"",
-            ),
-            other => faults.at(
-                base.offset(),
-                format!("`base` is {}: it must be \"fixed\"", quoted(other)),
-            ),
+    let floating_base = match root.string("base", faults) {
+        None => false,
+        Some(base) => {
+            if !["fixed", "floating"].contains(&base.value) {
+                faults.at(
+                    base.offset(),
+                    format!(
+                        "`base` is {}: it must be \"fixed\" or \"floating\"",
+                        quoted(base.value)
+                    ),
+                );
+            }
+            base.value == "floating"
         }
-    }
+    };
     let ignore_mimic = match root.string("mimic", faults) {
         None => false,
         Some(mimic) => {
@@ -120,7 +122,7 @@ fn from_urdf(
     let options = urdf::Options {
         source: file.path.display().to_string(),
         gravity: gravity.unwrap_or(STANDARD_GRAVITY),
-        floating_base: false,
+        floating_base,
         ignore_mimic,
         strict,
     };
@@ -431,7 +433,7 @@ fn within(text: &str, formula: &Placed<&str>, column: Option<usize>) -> usize {
     start + inside + ahead
 }
 
-/// The coordinate called `name`; a joint of one coordinate is called like it.
+/// The coordinate of one number called `name`; a joint with one coordinate gives it its name.
 pub(super) fn find_coordinate(
     mechanics: &dyn Mechanics,
     name: &str,
@@ -440,6 +442,26 @@ pub(super) fn find_coordinate(
 ) -> Option<usize> {
     let coordinates = mechanics.coordinates();
     if let Some(index) = coordinates.iter().position(|c| c.name == name) {
+        if coordinates.get(index).is_some_and(|c| c.floating) {
+            let single: Vec<&str> = coordinates
+                .iter()
+                .filter(|c| !c.floating)
+                .map(|c| c.name.as_str())
+                .collect();
+            let others = match single.is_empty() {
+                true => "this model has none".to_owned(),
+                false => format!("name one of {}", single.join(", ")),
+            };
+            faults.at(
+                offset,
+                format!(
+                    "{} is the pose of a body that floats, which has three forces and three moments, a position and an orientation: \
+                     inputs, effects, sensors and tolerances belong to coordinates of one number; {others}",
+                    quoted(name)
+                ),
+            );
+            return None;
+        }
         return Some(index);
     }
     let of_joint: Vec<&str> = coordinates

@@ -42,7 +42,8 @@
 //! # [log.columns]                      # where a log has other names
 //! # "q.phi" = { column = "angle_deg", scale = 0.0174533, offset = 0.0 }
 //!
-//! # At the top, with a URDF: gravity = [0.0, 0.0, -9.81], base = "fixed", mimic = "follow" (or "ignore"), urdf_dynamics = true
+//! # At the top, with a URDF: gravity = [0.0, 0.0, -9.81], base = "fixed" (or "floating": the first coordinate is the pose `base`),
+//! # mimic = "follow" (or "ignore"), urdf_dynamics = true
 //!
 //! # [[loop]]                           # with a URDF: a point of one link is at a point of another
 //! # name = "rocker"                    # the links' names unless given
@@ -56,11 +57,16 @@
 //!
 //! With a URDF, its `<dynamics damping friction>` become `viscous_friction` and `coulomb_friction` unless `urdf_dynamics = false`
 //! or an `[[effect]]` of the same kind sits on the same joint.
+//!
+//! `joint`, `[sensor.…]`, `zero` and the columns of a log name coordinates: a joint with one coordinate gives it its name, a planar
+//! joint has three (`foot.x`, `foot.y`, `foot.theta`; in TOML `[sensor."foot.x"]`). The pose of a floating body cannot be named there:
+//! it is no single number.
 
 mod constraints;
 mod document;
 mod effects;
 mod file;
+mod massless;
 mod mechanism;
 mod sensor;
 mod tolerance;
@@ -101,7 +107,7 @@ pub struct Model {
     pub inputs: Vec<Input>,
     /// Everything that makes Q beside the inputs; the URDF's friction first.
     pub effects: Vec<EffectEntry>,
-    /// One per coordinate.
+    /// One per coordinate; that of a pose says nothing.
     pub sensors: Vec<Sensor>,
     /// How well the rest is known.
     pub tolerance: Tolerance,
@@ -118,7 +124,7 @@ pub struct Model {
 pub struct Input {
     /// Name; column `u.<name>` of a log.
     pub name: String,
-    /// Index of the coordinate that it acts on.
+    /// Index of the coordinate that it acts on, a single number and no pose.
     pub coordinate: usize,
     /// N or N·m per unit of u.
     pub gain: f64,
@@ -142,7 +148,7 @@ pub struct EffectEntry {
 /// What an effect acts on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Target {
-    /// The coordinate with this index.
+    /// The coordinate with this index, a single number and no pose.
     Coordinate(usize),
     /// The input with this index.
     Input(usize),

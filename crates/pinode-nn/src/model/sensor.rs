@@ -54,7 +54,7 @@ pub(super) fn read(
     mechanics: Option<&dyn Mechanics>,
     faults: &mut Faults,
 ) -> Vec<Sensor> {
-    let mut sensors = vec![Sensor::default(); mechanics.map_or(0, |m| m.nv())];
+    let mut sensors = vec![Sensor::default(); mechanics.map_or(0, |m| m.coordinates().len())];
     let Some(section) = root.section("sensor", "[sensor]", faults) else {
         return sensors;
     };

@@ -20,12 +20,12 @@ pub struct Tolerance {
 }
 
 impl Tolerance {
-    /// The defaults for a mechanism of `nv` coordinates.
-    pub fn new(nv: usize) -> Self {
+    /// The defaults for a mechanism with so many coordinates.
+    pub fn new(coordinates: usize) -> Self {
         Tolerance {
             mass: 0.02,
             gain: 0.01,
-            zero: vec![None; nv],
+            zero: vec![None; coordinates],
             parameters: Vec::new(),
         }
     }
@@ -37,7 +37,7 @@ pub(super) fn read(
     mechanics: Option<&dyn Mechanics>,
     faults: &mut Faults,
 ) -> Tolerance {
-    let mut tolerance = Tolerance::new(mechanics.map_or(0, |m| m.nv()));
+    let mut tolerance = Tolerance::new(mechanics.map_or(0, |m| m.coordinates().len()));
     let Some(section) = root.section("tolerance", "[tolerance]", faults) else {
         return tolerance;
     };

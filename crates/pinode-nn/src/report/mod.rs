@@ -30,11 +30,24 @@ pub fn write(
     command: &str,
 ) -> Result<PathBuf, Error> {
     let path = dir.join(FILE_NAME);
-    let page = page::Page::new(diagnosis, curves, model_toml, command)
-        .render()
-        .map_err(|e| Error::io(&path, std::io::Error::other(e)))?;
+    let page = render(diagnosis, curves, model_toml, command)?;
     crate::disk::write_atomically(&path, page.as_bytes())?;
     Ok(path)
+}
+
+/// The text of the report.
+///
+/// # Errors
+/// [`Error::Io`] when the template fails.
+pub(crate) fn render(
+    diagnosis: &Diagnosis,
+    curves: &Curves,
+    model_toml: &str,
+    command: &str,
+) -> Result<String, Error> {
+    page::Page::new(diagnosis, curves, model_toml, command)
+        .render()
+        .map_err(|e| Error::io(Path::new(FILE_NAME), std::io::Error::other(e)))
 }
 
 #[cfg(test)]

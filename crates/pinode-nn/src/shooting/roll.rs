@@ -17,7 +17,7 @@ impl From<lagrange::Error> for Diverged {
 /// States at the samples of a window, and their sensitivities when asked for.
 #[derive(Debug, Clone, Default)]
 pub struct Trajectory {
-    /// State (q, v) after state: sample k at `k * nx ..`.
+    /// State (q, v) after state: sample k at `k * nx ..`, nx = nq + nv.
     pub states: Vec<f64>,
     /// ∂(q, v)_k/∂(initial state, θ_free): sample k at `k * nx * columns ..`, column after column.
     pub sensitivities: Vec<f64>,
@@ -53,6 +53,9 @@ impl<'a> Roller<'a> {
     }
 
     /// States at `count` samples from sample `first` on, starting at `initial`.
+    ///
+    /// A pose moves with the rate of its quaternion, ½ (quaternion) ∘ (0, ω), which is divided by its length after every step. The
+    /// steps leave the unit sphere by terms of the order of their own error, so that the global error stays of order h⁴.
     pub fn roll(
         &mut self,
         theta: &[f64],
@@ -61,7 +64,7 @@ impl<'a> Roller<'a> {
         initial: &[f64],
         out: &mut Trajectory,
     ) -> Result<(), Diverged> {
-        let n = self.hybrid.nv();
+        let nq = self.hybrid.nq();
         let (hybrid, memory) = (self.hybrid, &mut self.memory);
         self.state.clear();
         self.state.extend_from_slice(initial);
@@ -77,13 +80,14 @@ impl<'a> Roller<'a> {
                     b - a,
                     &mut self.state,
                     |_, x, dx| -> Result<(), Diverged> {
-                        let (q, v) = x.split_at(n);
+                        let (q, v) = x.split_at(nq);
                         hybrid.acceleration((q, v), theta, inputs, step, memory)?;
-                        dx[..n].copy_from_slice(v);
-                        dx[n..].copy_from_slice(memory.acceleration.as_slice());
+                        hybrid.position_rate(q, v, &mut dx[..nq]);
+                        dx[nq..].copy_from_slice(memory.acceleration.as_slice());
                         Ok(())
                     },
                 )?;
+                hybrid.normalize(&mut self.state[..nq]);
             }
             check(&self.state)?;
             out.states.extend_from_slice(&self.state);
@@ -91,7 +95,8 @@ impl<'a> Roller<'a> {
         Ok(())
     }
 
-    /// As [`roll`](Self::roll), with the sensitivities in the initial state and θ_free.
+    /// As [`roll`](Self::roll), with the sensitivities in the initial state and θ_free. Not for poses, which diagnosis and evaluation
+    /// refuse: their q and v differ in length.
     pub fn roll_with_sensitivities(
         &mut self,
         theta: &[f64],
