@@ -531,3 +531,81 @@ fn simulate_starts_where_the_loop_is_closed() {
     }
     assert_eq!(rows, 201);
 }
+
+#[test]
+fn a_force_or_a_velocity_beyond_the_range_of_numbers_is_the_culprit_itself() {
+    for (state, words) in [
+        (
+            json!({ "q": [0, 0], "v": [0, 0], "tau": [0, 1e308] }),
+            "states[0].tau[1] is 1e308: the acceleration under it",
+        ),
+        (
+            json!({ "q": [0, 0.3], "v": [0, -1e200], "tau": [0, 0] }),
+            "v[1] is -1e200, and what is made of it is beyond the range of numbers",
+        ),
+    ] {
+        let (_dir, path) = file("states.json", &json!({ "states": [state] }).to_string());
+        let output = pinode(&["dynamics", &cartpole(), &path]);
+        assert_eq!(output.status.code(), Some(1));
+        let message = stderr(&output);
+        assert!(message.contains(words), "no {words:?} in\n{message}");
+        assert!(!message.contains("mass matrix"), "{message}");
+    }
+}
+
+#[test]
+fn a_negative_number_gets_our_own_answer() {
+    for arguments in [
+        &["evaluate", "a.toml", "b.csv", "--horizon", "-1"][..],
+        &["evaluate", "a.toml", "b.csv", "--step", "-1"],
+        &["simulate", "a.toml", "--out", "b.csv", "--duration", "-1"],
+        &["simulate", "a.toml", "--out", "b.csv", "--sample", "-1"],
+        &["simulate", "a.toml", "--out", "b.csv", "--step", "-1"],
+    ] {
+        let output = pinode(arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        let message = stderr(&output);
+        assert!(message.contains("-1 is not positive"), "{message}");
+    }
+}
+
+/// A cart that nothing pushes, and its log with the given sample times and positions.
+fn coasting(samples: impl Iterator<Item = (f64, f64)>) -> (tempfile::TempDir, [String; 2]) {
+    let (dir, model) = file(
+        "m.toml",
+        "[lagrangian]\ncoordinates = ['x']\nkinetic = '0.5*x_dot^2'\npotential = '0'\n",
+    );
+    let mut text = "t,q.x,v.x\n".to_owned();
+    for (t, x) in samples {
+        text += &format!("{t},{x},1\n");
+    }
+    let log = dir.path().join("log.csv");
+    std::fs::write(&log, text).unwrap();
+    (dir, [model, log.display().to_string()])
+}
+
+#[test]
+fn evaluate_warns_of_gaps() {
+    let time = |k: u32| 0.01 * f64::from(k) + if k < 150 { 0.0 } else { 2.5 };
+    let (_dir, [model, log]) = coasting((0..300).map(|k| (time(k), time(k))));
+    let output = pinode(&["evaluate", "--json", &model, &log]);
+    let words = "run `0` has 1 gap of more than 10 sample intervals, the longest 2.510000 s from t = 1.49 s on";
+    assert!(stderr(&output).contains(words), "{}", stderr(&output));
+    let document = stdout_json(&output);
+    assert!(document["warnings"][0].as_str().unwrap().contains(words));
+
+    let (_dir, [model, log]) = coasting((0..300).map(|k| 0.01 * f64::from(k)).map(|t| (t, t)));
+    let document = stdout_json(&pinode(&["evaluate", "--json", &model, &log]));
+    assert_eq!(document["warnings"], json!([]));
+}
+
+#[test]
+fn evaluate_names_a_sample_whose_square_is_no_number() {
+    let position = |k: u32| if k == 77 { -1e200 } else { 0.01 * f64::from(k) };
+    let (_dir, [model, log]) = coasting((0..300).map(|k| (0.01 * f64::from(k), position(k))));
+    let output = pinode(&["evaluate", "--json", &model, &log]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(output.stdout.is_empty());
+    let words = "the errors of q.x are too large to be squared: sample 77 of run `0` (t = 0.77 s) reads -1e200";
+    assert!(stderr(&output).contains(words), "{}", stderr(&output));
+}

@@ -343,3 +343,25 @@ fn a_log_cannot_be_held_out_from_itself() {
     );
     assert!(!dir.path().join("out").exists());
 }
+
+#[test]
+fn a_report_that_cannot_be_written_leaves_the_other_files_as_they_were() {
+    let dir = folder(12.0);
+    let out = dir.path().join("out");
+    std::fs::create_dir_all(out.join("report.html")).unwrap();
+    for name in ["model.toml", "diagnosis.json"] {
+        std::fs::write(out.join(name), "of an older diagnosis").unwrap();
+    }
+    let output = pinode(
+        dir.path(),
+        &["diagnose", "sledge.toml", "log.csv", "--out", "out"],
+    );
+    assert_eq!(output.status.code(), Some(1));
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(message.contains("report.html"), "{message}");
+    for name in ["model.toml", "diagnosis.json"] {
+        let text = std::fs::read_to_string(out.join(name)).unwrap();
+        assert_eq!(text, "of an older diagnosis");
+    }
+    assert_eq!(std::fs::read_dir(&out).unwrap().count(), 3);
+}

@@ -58,6 +58,12 @@ pub fn run(task: &Task, output: &Output) -> Result<Finished, Error> {
     {
         return Err(Error::OverwritesInput { path: model });
     }
+    for name in OWN_FILES {
+        let path = task.out.join(name);
+        if path.is_dir() {
+            return Err(Error::io(&path, std::io::ErrorKind::IsADirectory.into()));
+        }
+    }
     let folder = Folder::make(task.out)?;
     let finished = work(task, output);
     if finished.is_err() {
