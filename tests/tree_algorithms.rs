@@ -355,6 +355,63 @@ proptest! {
     }
 
     #[test]
+    fn the_force_is_linear_in_the_inertial_parameters(case in case(MOST)) {
+        let Case { q, v, a, mechanics, .. } = &case;
+        let force = mechanics.regressor(q, v, a).unwrap() * mechanics.inertial_parameters();
+        let expected = mechanics.inverse_dynamics(q, v, a).unwrap();
+        close("Y π", force.as_slice(), expected.as_slice(), 1e-12 * case.reach * case.force)?;
+    }
+
+    #[test]
+    fn derivatives_in_mass_centre_and_inertia_are_those_of_differences(case in case(8), parameter in 0..10_usize) {
+        // The last link of the URDF, with one number of its inertial moved.
+        let Case { q, v, a, mechanics, .. } = &case;
+        let links = case.tree().links();
+        let link = links.len() - 1;
+        let force = mechanics.inverse_dynamics(q, v, a).unwrap();
+        let moved = |by: f64| {
+            let inertia = links[link].inertial.unwrap().in_link();
+            let (mut mass, mut centre, mut about) = (inertia.mass, inertia.centre(), inertia.rotational_about_centre());
+            match parameter {
+                0 => mass += by,
+                1..=3 => centre[parameter - 1] += by,
+                _ => {
+                    let (i, j) = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)][parameter - 4];
+                    about[(i, j)] += by;
+                    if i != j {
+                        about[(j, i)] += by;
+                    }
+                }
+            }
+            let start = case.text.find(&format!("<link name=\"{}\">", links[link].name)).unwrap();
+            let end = start + case.text[start..].find("</link>").unwrap();
+            let [x, y, z]: [f64; 3] = centre.into();
+            let [xx, xy, xz, yy, yz, zz] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|e| about[e]);
+            let body = format!(
+                r#"<link name="{}"><inertial><origin xyz="{x} {y} {z}"/><mass value="{mass}"/><inertia ixx="{xx}" ixy="{xy}" ixz="{xz}" iyy="{yy}" iyz="{yz}" izz="{zz}"/></inertial>"#,
+                links[link].name
+            );
+            let mut text = case.text.clone();
+            text.replace_range(start..end, &body);
+            let other = tree(&text, &Options { floating_base: case.floats(), ..Options::default() });
+            (other.inverse_dynamics(q, v, a).unwrap(), other.forward_dynamics(q, v, force.as_slice()).unwrap())
+        };
+        let h = 1e-4;
+        let ((up, up_a), (down, down_a)) = (moved(h), moved(-h));
+        let by = mechanics.inverse_dynamics_by_inertia(link, q, v, a).unwrap();
+        let column = by.column(parameter).into_owned();
+        // Quadratic at most in each parameter: differences are exact to rounding.
+        let expected = (up - down) / (2.0 * h);
+        close("∂Q/∂π", column.as_slice(), expected.as_slice(), 1e-9 * case.reach * (case.force + column.amax()))?;
+        let by = mechanics.forward_dynamics_by_inertia(link, q, v, force.as_slice()).unwrap();
+        let mass = mechanics.mass_matrix(q).unwrap();
+        let expected = &mass * (up_a - down_a) / (2.0 * h);
+        let found = &mass * by.column(parameter);
+        let scale = case.reach * (case.force + column.amax());
+        close("M ∂v̇/∂π", found.as_slice(), expected.as_slice(), 1e-4 * scale)?;
+    }
+
+    #[test]
     fn work_goes_into_the_two_energies(case in case(MOST)) {
         let Case { q, v, a, mechanics, .. } = &case;
         let balance = mechanics.power_balance(q, v, a).unwrap();

@@ -116,6 +116,16 @@ pub enum Error {
         /// The configuration.
         q: Vec<f64>,
     },
+    /// A link was asked for by an index that there is not.
+    #[error(
+        "there is no link {link}: the mechanism has {count}, counted from 0 as in `Tree::links`"
+    )]
+    NoSuchLink {
+        /// The index.
+        link: usize,
+        /// How many there are.
+        count: usize,
+    },
     /// A vector has the wrong length.
     #[error("{what} has {found} entries, this mechanism takes {expected}")]
     Dimension {

@@ -204,7 +204,7 @@ impl<const F: bool> Scalar for Lanes<F> {
 const HALF_PI: [f64; 3] = [
     std::f64::consts::FRAC_PI_2,
     6.123_233_995_736_766e-17,
-    -1.497_384_904_859_169_8e-33,
+    -1.497_384_904_859_17e-33,
 ];
 /// Minimax coefficients of (sin r − r)/r³ in r², on |r| ≤ π/4 (those of FDLIBM).
 const SINE: [f64; 6] = [

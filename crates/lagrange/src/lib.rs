@@ -135,3 +135,4 @@ pub use mechanics::{Linear, Mechanics, PowerBalance};
 pub use scalar::Scalar;
 pub use text::{Field, TextLagrangian, TextProblem, TextSource};
 pub use trace::{Formulas, FormulasError, Style, Written};
+pub use tree::INERTIAL_PARAMETERS;

@@ -94,7 +94,7 @@ pub struct Link {
     /// Index of the body; none when it is welded to the world.
     pub body: Option<usize>,
     /// Pose of the link in the body's frame (the world's, where there is no body).
-    pub(super) pose: Isometry3<f64>,
+    pub(crate) pose: Isometry3<f64>,
 }
 
 impl Tree {

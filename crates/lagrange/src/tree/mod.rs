@@ -10,6 +10,7 @@
 //! | `matrices` | M, C, G |
 //! | `derivatives` | ∂Q/∂q, ∂Q/∂v |
 //! | `gradient` | λᵀ ∂Q/∂x in O(n) |
+//! | `regressor` | Y of Q = Y π, and derivatives in mass, centre and inertia |
 //! | `factor` | M = Lᵀ D L and M⁻¹ X |
 //! | `articulated` | v̇ without M |
 //!
@@ -27,6 +28,7 @@ mod inverse_dynamics;
 mod kernels;
 mod matrices;
 mod plan;
+mod regressor;
 mod state;
 pub mod vector;
 
@@ -36,4 +38,5 @@ pub use general::equations;
 pub use kernels::At;
 pub(crate) use plan::Freedom;
 pub use plan::Plan;
+pub use regressor::INERTIAL_PARAMETERS;
 pub use state::{State, quaternion};
