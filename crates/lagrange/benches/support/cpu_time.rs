@@ -4,18 +4,25 @@ use std::time::Duration;
 
 use criterion::Throughput;
 use criterion::measurement::{Measurement, ValueFormatter, WallTime};
-use rustix::time::{ClockId, clock_gettime};
 
 /// CPU time of the calling thread (CLOCK_THREAD_CPUTIME_ID).
 pub struct CpuTime;
 
 /// The CPU time that the calling thread has used so far.
-pub fn now() -> Duration {
-    let time = clock_gettime(ClockId::ThreadCPUTime);
+#[cfg(unix)]
+fn now() -> Duration {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     Duration::new(
         time.tv_sec.unsigned_abs(),
         time.tv_nsec.unsigned_abs() as u32,
     )
+}
+
+/// Where there is no such clock: the time since the first call.
+#[cfg(not(unix))]
+fn now() -> Duration {
+    static START: std::sync::OnceLock<std::time::Instant> = std::sync::OnceLock::new();
+    START.get_or_init(std::time::Instant::now).elapsed()
 }
 
 impl Measurement for CpuTime {
