@@ -7,7 +7,7 @@
 mod support;
 
 use criterion::{BenchmarkGroup, Criterion, criterion_group, criterion_main};
-use lagrange::{ForwardDynamicsDerivatives, InverseDynamicsDerivatives, Mechanics};
+use lagrange::{ForwardDynamicsDerivatives, InverseDynamicsDerivatives, LANES, Mechanics};
 use nalgebra::{DMatrix, DVector};
 
 use support::cpu_time::CpuTime;
@@ -19,6 +19,7 @@ fn robots(criterion: &mut Criterion<CpuTime>) {
         matrices_and_forces(&mut group, &robot);
         dynamics(&mut group, &robot);
         derivatives(&mut group, &robot);
+        lanes(&mut group, &robot);
         group.finish();
     }
 }
@@ -60,10 +61,9 @@ fn matrices_and_forces(group: &mut BenchmarkGroup<'_, CpuTime>, robot: &Robot) {
         force[0]
     });
     over_states(group, "M_C_G_together", robot, |s| {
-        mechanics.mass_matrix_into(&s.q, &p, work, &mut mass);
-        mechanics.coriolis_matrix_into(&s.q, &s.v, &p, work, &mut coriolis);
-        mechanics.gravity_force_into(&s.q, &p, work, &mut force);
-        mass[0] + coriolis[0] + force[0]
+        let (mass, coriolis, gravity) = (&mut mass, &mut coriolis, &mut force);
+        mechanics.equations_into(&s.q, &s.v, &p, work, mass, coriolis, gravity);
+        mass[0] + coriolis[0] + gravity[0]
     });
     over_states(group, "energies", robot, |s| {
         mechanics.kinetic_energy_with(&s.q, &s.v, &p) + mechanics.potential_energy_with(&s.q, &p)
@@ -108,6 +108,62 @@ fn derivatives(group: &mut BenchmarkGroup<'_, CpuTime>, robot: &Robot) {
             .unwrap();
         forward.by_q[0]
     });
+}
+
+/// Eight states at once; a figure is for all eight.
+fn lanes(group: &mut BenchmarkGroup<'_, CpuTime>, robot: &Robot) {
+    let mechanics = &robot.mechanics;
+    let (n, p) = (mechanics.nv(), mechanics.nominal());
+    let work = &mut mechanics.workspace();
+    let mut out = vec![[0.0; LANES]; n];
+    let mut mass = vec![[0.0; LANES]; n * n];
+    let batches: Vec<[Vec<[f64; LANES]>; 3]> = robot
+        .states
+        .as_chunks::<LANES>()
+        .0
+        .iter()
+        .map(|eight| {
+            [
+                side_by_side(eight, |s| &s.q),
+                side_by_side(eight, |s| &s.v),
+                side_by_side(eight, |s| &s.a),
+            ]
+        })
+        .collect();
+    let mut batches = batches.iter().cycle();
+
+    group.bench_function("inverse_dynamics_lanes", |bencher| {
+        bencher.iter(|| {
+            let [q, v, a] = batches.next().unwrap();
+            mechanics.inverse_dynamics_lanes_into(q, v, a, &p, work, &mut out);
+            out[0][0]
+        });
+    });
+    group.bench_function("forward_dynamics_lanes", |bencher| {
+        bencher.iter(|| {
+            let [q, v, force] = batches.next().unwrap();
+            out.copy_from_slice(force);
+            mechanics
+                .forward_dynamics_lanes_into(q, v, &p, work, &mut out)
+                .unwrap();
+            out[0][0]
+        });
+    });
+    group.bench_function("mass_matrix_lanes", |bencher| {
+        bencher.iter(|| {
+            let [q, _, _] = batches.next().unwrap();
+            mechanics.mass_matrix_lanes_into(q, &p, work, &mut mass);
+            mass[0][0]
+        });
+    });
+}
+
+/// Entry i of eight vectors in the lanes of entry i.
+fn side_by_side(states: &[State; LANES], of: impl Fn(&State) -> &Vec<f64>) -> Vec<[f64; LANES]> {
+    let length = of(&states[0]).len();
+    (0..length)
+        .map(|i| std::array::from_fn(|lane| of(&states[lane])[i]))
+        .collect()
 }
 
 criterion_group! {
