@@ -77,7 +77,11 @@ impl<const F: bool> Neg for Lanes<F> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        Lanes(self.0.map(|x| -x))
+        let mut x = self.0;
+        for x in &mut x {
+            *x = -*x;
+        }
+        Lanes(x)
     }
 }
 
@@ -102,7 +106,11 @@ impl<const F: bool> Single<F> {
 impl<const F: bool> Lanes<F> {
     #[inline(always)]
     fn each(self, f: impl Fn(f64) -> f64) -> Self {
-        Lanes(self.0.map(f))
+        let mut x = self.0;
+        for x in &mut x {
+            *x = f(*x);
+        }
+        Lanes(x)
     }
 }
 

@@ -285,13 +285,12 @@ fn symmetric_add<D: Scalar>(a: &[D; 6], x: &Vector<D>, c: &Vector<D>) -> Vector<
 /// A + a bᵀ, where that is symmetric.
 #[inline(always)]
 fn outer_add<D: Scalar>(a: &Vector<D>, b: &Vector<D>, m: &[D; 6]) -> [D; 6] {
-    let at = |i: usize, j: usize, m: D| a[i].times_plus(b[j], m);
     [
-        at(0, 0, m[0]),
-        at(1, 1, m[1]),
-        at(2, 2, m[2]),
-        at(0, 1, m[3]),
-        at(0, 2, m[4]),
-        at(1, 2, m[5]),
+        a[0].times_plus(b[0], m[0]),
+        a[1].times_plus(b[1], m[1]),
+        a[2].times_plus(b[2], m[2]),
+        a[0].times_plus(b[1], m[3]),
+        a[0].times_plus(b[2], m[4]),
+        a[1].times_plus(b[2], m[5]),
     ]
 }

@@ -6,8 +6,8 @@
 use super::plan::{Body, Freedom, Plan};
 use super::state::State;
 use super::vector::{
-    Matrix, Spatial, Vector, add, constant, cross, cross_add, dot, negate, product, scale,
-    scale_add, times, times_add, transposed_times, zero,
+    Matrix, Spatial, Vector, add, constant, constant_columns, cross, cross_add, dot, negate,
+    product, scale, scale_add, times, times_add, transposed_times, zero,
 };
 use crate::Scalar;
 
@@ -89,7 +89,7 @@ pub fn gravity<D: Scalar>(plan: &Plan, state: &State<D>) -> Vector<D> {
     let gravity = constant(&plan.gravity);
     match plan.bodies.first() {
         Some(body) if plan.floating => {
-            let fixed = body.rotation.map(|column| constant::<D>(&column));
+            let fixed = constant_columns::<D>(&body.rotation);
             let (_, turn) = state.free(body);
             transposed_times(&turn, &transposed_times(&fixed, &gravity))
         }
@@ -115,7 +115,7 @@ pub fn motion<D: Scalar, const LEVEL: u8>(
         let (rotation, origin) = match body.parent {
             None if plan.floating => {
                 let unit = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-                (unit.map(|column| constant(&column)), zero())
+                (constant_columns(&unit), zero())
             }
             None => state.pose(i, body),
             Some(parent) => {
@@ -199,7 +199,20 @@ fn directions<D: Scalar>(
     }
 }
 
+/// Where the six numbers of a symmetric matrix stand in it.
+const SIX: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
+
+#[inline(always)]
+fn scaled<D: Scalar>(x: &[f64; 6], factor: D) -> [D; 6] {
+    let mut scaled = [D::zero(); 6];
+    for (to, x) in scaled.iter_mut().zip(x) {
+        *to = factor * *x;
+    }
+    scaled
+}
+
 impl<D: Scalar> Sums<D> {
+    #[inline(always)]
     pub fn zero() -> Self {
         Sums {
             mass: D::zero(),
@@ -229,7 +242,7 @@ impl<D: Scalar> Sums<D> {
         let turned = times(rotation, &scale(&constant(&body.moment), factor));
         let h = scale_add(origin, mass, &turned);
         let j = {
-            let [xx, yy, zz, xy, xz, yz] = body.spread.map(|x| factor * x);
+            let [xx, yy, zz, xy, xz, yz] = scaled(&body.spread, factor);
             // Rows of J_b Rᵀ are what J_b makes of the rows of R.
             let columns = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
             let half = [
@@ -237,21 +250,15 @@ impl<D: Scalar> Sums<D> {
                 times(rotation, &columns[1]),
                 times(rotation, &columns[2]),
             ];
-            let entry = |a: usize, b: usize| {
+            let mut j = [D::zero(); 6];
+            for (entry, (a, b)) in j.iter_mut().zip(SIX) {
                 let mut sum = turned[a].times_plus(origin[b], origin[a] * h[b]);
                 for k in 0..3 {
                     sum = rotation[k][a].times_plus(half[k][b], sum);
                 }
-                sum
-            };
-            [
-                entry(0, 0),
-                entry(1, 1),
-                entry(2, 2),
-                entry(0, 1),
-                entry(0, 2),
-                entry(1, 2),
-            ]
+                *entry = sum;
+            }
+            j
         };
         (sums.mass, sums.moment, sums.spread) = (mass, h, j);
         if LEVEL >= VELOCITY {
@@ -343,7 +350,11 @@ impl<D: Scalar> Sums<D> {
     pub fn turning_along(&self, s: &Spatial<D>) -> Vector<D> {
         let w = &s.angular;
         let sum = scale_add(w, self.trace(), &cross(&self.momentum, &s.linear));
-        [0, 1, 2].map(|a| sum[a] - dot(&self.flow[a], w))
+        [
+            sum[0] - dot(&self.flow[0], w),
+            sum[1] - dot(&self.flow[1], w),
+            sum[2] - dot(&self.flow[2], w),
+        ]
     }
 
     #[inline(always)]

@@ -3,8 +3,8 @@
 use super::plan::{Body, Freedom, Plan};
 use super::state::State;
 use super::vector::{
-    Matrix, Vector, add, constant, cross, cross_add, negate, scale, scale_add, times, times_add,
-    transposed_times, zero,
+    Matrix, Vector, add, constant, constant_columns, cross, cross_add, negate, scale, scale_add,
+    times, times_add, transposed_times, zero,
 };
 use crate::Scalar;
 
@@ -179,7 +179,7 @@ fn loaded<D: Scalar>(state: &State<D>, body: &Body, mut link: Link<D>) -> Link<D
 #[inline(always)]
 fn symmetric<D: Scalar>(i: &[f64; 6], x: &Vector<D>) -> Vector<D> {
     let [xx, yy, zz, xy, xz, yz] = *i;
-    let columns = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]].map(|c| constant::<D>(&c));
+    let columns = constant_columns::<D>(&[[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]);
     scale_add(
         &columns[0],
         x[0],

@@ -1,7 +1,9 @@
 //! A state of a tree on any scalar, and the poses of the joints.
 
 use super::plan::{Body, Freedom, Plan};
-use super::vector::{Matrix, Vector, constant, product, scale, scale_add, times_add, zero};
+use super::vector::{
+    Matrix, Vector, constant, constant_columns, product, scale, scale_add, times_add, zero,
+};
 use crate::Scalar;
 
 /// q, v, v̇ and the factors on the masses, and what is computed from q alone.
@@ -45,7 +47,7 @@ impl<D: Scalar> State<D> {
     /// Axes and origin of body `i` in its parent's frame.
     #[inline(always)]
     pub fn pose(&self, i: usize, body: &Body) -> (Matrix<D>, Vector<D>) {
-        let [x, y, z] = body.rotation.map(|column| constant::<D>(&column));
+        let [x, y, z] = constant_columns(&body.rotation);
         let origin = constant(&body.translation);
         match body.freedom {
             Freedom::Turn => {

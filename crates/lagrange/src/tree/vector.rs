@@ -24,7 +24,14 @@ pub fn zero<D: Scalar>() -> Vector<D> {
 
 #[inline(always)]
 pub fn constant<D: Scalar>(x: &[f64; 3]) -> Vector<D> {
-    x.map(D::constant)
+    // An array, and no closure for `map`, which may be compiled without the instructions that `dispatch` has chosen.
+    [D::constant(x[0]), D::constant(x[1]), D::constant(x[2])]
+}
+
+/// The matrix with these columns.
+#[inline(always)]
+pub fn constant_columns<D: Scalar>(x: &[[f64; 3]; 3]) -> Matrix<D> {
+    [constant(&x[0]), constant(&x[1]), constant(&x[2])]
 }
 
 #[inline(always)]
