@@ -143,13 +143,11 @@ fn position_rate<D: Scalar>(plan: &Plan, q: &[D], v: &[D]) -> Vec<D> {
     rates
 }
 
-/// For every degree of freedom of every joint: its index in v, S, V and ∂T/∂V of all that it carries, in the body's axes; S with the
-/// ratio of a joint that follows another.
-fn joints<D: Scalar>(
-    plan: &Plan,
-    state: &mut State<D>,
-    base: &Vector<D>,
-) -> Vec<(usize, Spatial<D>, Spatial<D>, Spatial<D>)> {
+/// One degree of freedom of one joint: its index in v, S (with the ratio of a joint that follows another), V and ∂T/∂V of all that it
+/// carries, in the body's axes.
+type JointMotion<D> = (usize, Spatial<D>, Spatial<D>, Spatial<D>);
+
+fn joints<D: Scalar>(plan: &Plan, state: &mut State<D>, base: &Vector<D>) -> Vec<JointMotion<D>> {
     state.p.fill(D::constant(1.0));
     state.turn(plan);
     let count = plan.bodies.len();

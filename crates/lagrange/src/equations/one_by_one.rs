@@ -3,9 +3,12 @@
 use super::Workspace;
 use crate::{Error, LANES, Mechanics};
 
+/// One vector of eight states.
+type Eight<'a> = &'a [[f64; LANES]];
+
 pub(crate) fn inverse_dynamics<M: Mechanics + ?Sized>(
     mechanics: &M,
-    (q, v, a): (&[[f64; LANES]], &[[f64; LANES]], &[[f64; LANES]]),
+    (q, v, a): (Eight, Eight, Eight),
     p: &[f64],
     work: &mut Workspace,
     out: &mut [[f64; LANES]],
@@ -21,7 +24,7 @@ pub(crate) fn inverse_dynamics<M: Mechanics + ?Sized>(
 
 pub(crate) fn forward_dynamics<M: Mechanics + ?Sized>(
     mechanics: &M,
-    (q, v): (&[[f64; LANES]], &[[f64; LANES]]),
+    (q, v): (Eight, Eight),
     p: &[f64],
     work: &mut Workspace,
     out: &mut [[f64; LANES]],
@@ -43,7 +46,7 @@ pub(crate) fn forward_dynamics<M: Mechanics + ?Sized>(
 
 pub(crate) fn mass_matrix<M: Mechanics + ?Sized>(
     mechanics: &M,
-    q: &[[f64; LANES]],
+    q: Eight,
     p: &[f64],
     work: &mut Workspace,
     out: &mut [[f64; LANES]],
