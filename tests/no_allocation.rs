@@ -11,8 +11,8 @@ use common::load::tree;
 use lagrange::constraint::{Constrained, Constraint};
 use lagrange::urdf::Options;
 use lagrange::{
-    Dynamics, ForwardDynamicsDerivatives, InverseDynamicsDerivatives, LANES, Mechanics, Scalar,
-    TextLagrangian, TextSource, state,
+    Dynamics, ForwardDynamicsDerivatives, ForwardDynamicsGradient, InverseDynamicsDerivatives,
+    InverseDynamicsGradient, LANES, Mechanics, Scalar, TextLagrangian, TextSource, state,
 };
 use nalgebra::{DMatrix, DVector};
 
@@ -30,6 +30,8 @@ struct Results {
     acceleration: DVector<f64>,
     inverse: InverseDynamicsDerivatives,
     forward: ForwardDynamicsDerivatives,
+    inverse_gradient: InverseDynamicsGradient,
+    forward_gradient: ForwardDynamicsGradient,
 }
 
 impl Results {
@@ -48,6 +50,8 @@ impl Results {
             acceleration: DVector::zeros(n),
             inverse: InverseDynamicsDerivatives::zeros(n, constants),
             forward: ForwardDynamicsDerivatives::zeros(n, constants),
+            inverse_gradient: InverseDynamicsGradient::zeros(n, mechanics.parameters().len()),
+            forward_gradient: ForwardDynamicsGradient::zeros(n, mechanics.parameters().len()),
         }
     }
 }
@@ -55,7 +59,7 @@ impl Results {
 type Call = fn(&dyn Mechanics, &[f64], &[f64], &[f64], &[usize], &mut Results);
 
 /// Every `_into` call of [`Mechanics`], by name.
-const CALLS: [(&str, Call); 13] = [
+const CALLS: [(&str, Call); 15] = [
     ("energies", |m, q, v, p, _, _| {
         let energy = m.kinetic_energy_with(q, v, p) + m.potential_energy_with(q, p);
         assert!(energy.is_finite());
@@ -99,6 +103,15 @@ const CALLS: [(&str, Call); 13] = [
     ("inverse_dynamics_derivatives_into", |m, q, v, p, c, r| {
         let (work, out) = (&mut r.work, &mut r.inverse);
         m.inverse_dynamics_derivatives_into(q, v, v, p, c, work, out);
+    }),
+    ("inverse_dynamics_gradient_into", |m, q, v, p, _, r| {
+        let (work, out) = (&mut r.work, &mut r.inverse_gradient);
+        m.inverse_dynamics_gradient_into(q, v, v, p, v, work, out);
+    }),
+    ("forward_dynamics_gradient_into", |m, q, v, p, _, r| {
+        let (work, out) = (&mut r.work, &mut r.forward_gradient);
+        m.forward_dynamics_gradient_into(q, v, v, p, v, work, out)
+            .unwrap();
     }),
     ("forward_dynamics_derivatives_into", |m, q, v, p, c, r| {
         let (work, out) = (&mut r.work, &mut r.forward);
@@ -190,6 +203,13 @@ fn an_arm_of_seven_joints() {
 #[test]
 fn a_branched_tree_of_twenty_joints() {
     check(&tree(&bodies(20, |k| k / 2), &Options::default()));
+}
+
+#[test]
+fn a_fast_particle_whose_kinetic_energy_is_not_quadratic() {
+    let particle = text("-9*sqrt(1 - (x_dot^2 + y_dot^2)/9)", "x^2 + y^2 + x*y");
+    assert!(!particle.kinetic_is_quadratic());
+    check(&particle);
 }
 
 #[test]

@@ -212,9 +212,7 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         } else if self.quadratic {
             fast::mass_matrix(&self.lagrangian, q, p, work, out);
         } else {
-            let rest = vec![0.0; q.len()];
-            let at = reference::equations_with(&self.lagrangian, q, &rest, p);
-            out.copy_from(&at.mass_matrix);
+            reference::mass_matrix(&self.lagrangian, (q, None), p, work, out);
         }
     }
 
@@ -537,9 +535,8 @@ impl<L: Lagrangian> Dynamics<L> {
                 self.bias_force_into(q, v, p, work, &mut bias);
             }
             _ => {
-                let at = reference::equations_with(&self.lagrangian, q, v, p);
-                mass.copy_from(&at.mass_matrix);
-                bias.copy_from(&at.bias_force);
+                reference::mass_matrix(&self.lagrangian, (q, Some(v)), p, work, &mut mass);
+                fast::bias_force(&self.lagrangian, q, v, p, work, &mut bias);
             }
         }
         *out -= &bias;

@@ -243,7 +243,7 @@ pub trait Mechanics: Send + Sync {
         Ok(self.potential_energy_with(q, &self.nominal()))
     }
 
-    /// T + V, J: constant along a motion with Q = 0.
+    /// T + V, J: constant along a motion with Q = 0, for T quadratic in v. (Else it is v · ∂T/∂v − T + V that stays.)
     fn total_energy(&self, q: &[f64], v: &[f64]) -> Result<f64, Error> {
         Ok(self.kinetic_energy(q, v)? + self.potential_energy(q)?)
     }
@@ -302,7 +302,7 @@ pub trait Mechanics: Send + Sync {
         Ok(self.mass_matrix(q)? * DVector::from_column_slice(v))
     }
 
-    /// How the work of the generalized force Q = `force` goes into the two energies at this state, W.
+    /// How the work of the generalized force Q = `force` goes into the two energies at this state, W; for T quadratic in v.
     ///
     /// dT/dt = v · (M v̇ + ½ Ṁ v) = v · (M v̇ + C v) with the v̇ of the forward dynamics; dV/dt = v · G; and their sum is Q · v.
     fn power_balance(&self, q: &[f64], v: &[f64], force: &[f64]) -> Result<PowerBalance, Error> {

@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use num_dual::HyperDual64;
 
+use super::Workspace;
 use crate::Lagrangian;
 
 /// The equations of motion at one state, M v̇ + bias = Q.
@@ -39,6 +40,31 @@ pub struct Equations {
 pub fn equations<L: Lagrangian>(lagrangian: &L, q: &[f64], v: &[f64]) -> Equations {
     let p: Vec<f64> = lagrangian.parameters().iter().map(|p| p.nominal).collect();
     equations_with(lagrangian, q, v, &p)
+}
+
+/// M = ∂²T/∂v∂v at (q, v) alone, for any T, by n(n+1)/2 hyper-dual evaluations; allocates nothing.
+pub(crate) fn mass_matrix<L: Lagrangian>(
+    lagrangian: &L,
+    (q, v): (&[f64], Option<&[f64]>),
+    p: &[f64],
+    work: &mut Workspace,
+    mass: &mut DMatrix<f64>,
+) {
+    let at = &mut work.hyper;
+    at.set(q, v.unwrap_or(&[]), p);
+    if v.is_none() {
+        at.v.fill(0.0.into());
+    }
+    for i in 0..lagrangian.dof() {
+        at.v[i].eps1 = 1.0;
+        for j in 0..=i {
+            at.v[j].eps2 = 1.0;
+            let entry = lagrangian.kinetic_with(&at.q, &at.v, &at.p).eps1eps2;
+            (mass[(i, j)], mass[(j, i)]) = (entry, entry);
+            at.v[j].eps2 = 0.0;
+        }
+        at.v[i].eps1 = 0.0;
+    }
 }
 
 /// [`equations`] with the constants `p` in place of the nominal ones.
