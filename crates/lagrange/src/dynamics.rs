@@ -35,9 +35,11 @@ pub struct Dynamics<L> {
     /// Whether T = ½ vᵀ M(q) v, so that the fast routes hold.
     quadratic: bool,
     route: Route,
+    /// The algorithms for trees, which also serve eight states at once where one state is served by programs.
+    joints: Option<Box<Engine>>,
 }
 
-/// Where the equations come from.
+/// Where the equations of one state come from.
 #[derive(Debug, Clone)]
 enum Route {
     /// Dual numbers through T and V.
@@ -45,7 +47,7 @@ enum Route {
     /// Programs from a trace of T and V, for a small mechanism whose energies do not branch.
     Programs(Box<Compiled>),
     /// Joint by joint, for a tree of rigid bodies.
-    Tree(Box<Engine>),
+    Joints,
 }
 
 impl<L: Lagrangian> Dynamics<L> {
@@ -83,6 +85,7 @@ impl<L: Lagrangian> Dynamics<L> {
     fn build(lagrangian: L, coordinates: Vec<Coordinate>) -> Self {
         let tree = lagrangian.rigid_bodies();
         let quadratic = tree.is_some() || is_quadratic(&lagrangian);
+        let joints = tree.map(|tree| Box::new(Engine::of(tree)));
         let route = match tree {
             Some(tree) => Self::joints_or_programs(&lagrangian, tree),
             None => Self::programs(&lagrangian, quadratic),
@@ -92,18 +95,18 @@ impl<L: Lagrangian> Dynamics<L> {
             coordinates,
             quadratic,
             route,
+            joints,
         }
     }
 
     /// Programs for the smallest trees, as long as nothing else is faster.
     fn joints_or_programs(lagrangian: &L, tree: &Tree) -> Route {
-        let joints = || Route::Tree(Box::new(Engine::of(tree)));
         if tree.is_floating() || tree.nv() > 2 {
-            return joints();
+            return Route::Joints;
         }
         match Self::programs(lagrangian, true) {
             Route::Programs(programs) if programs.is_short() => Route::Programs(programs),
-            _ => joints(),
+            _ => Route::Joints,
         }
     }
 
@@ -117,8 +120,14 @@ impl<L: Lagrangian> Dynamics<L> {
     #[must_use]
     pub fn by_duals(self) -> Self {
         let floating = self.coordinates.iter().any(|c| c.floating);
-        let route = if floating { self.route } else { Route::Duals };
-        Dynamics { route, ..self }
+        if floating {
+            return self;
+        }
+        Dynamics {
+            route: Route::Duals,
+            joints: None,
+            ..self
+        }
     }
 
     /// The same equations by programs from a trace of T and V, where they can be had; else as they are.
@@ -442,7 +451,7 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut [[f64; LANES]],
     ) {
-        match self.engine(work) {
+        match self.engine_for_lanes(work) {
             Some((engine, machine)) => {
                 engine.inverse_dynamics_lanes(At { q, v, p }, a, machine, out);
             }
@@ -458,7 +467,8 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut [[f64; LANES]],
     ) -> Result<(), Error> {
-        let Some((engine, machine)) = self.joint_by_joint(work) else {
+        let independent = |joints: &(&Engine, &mut Machine)| joints.0.is_independent();
+        let Some((engine, machine)) = self.engine_for_lanes(work).filter(independent) else {
             return one_by_one::forward_dynamics(self, (q, v), p, work, out);
         };
         engine.forward_dynamics_lanes(At { q, v, p }, machine, out);
@@ -478,7 +488,7 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut [[f64; LANES]],
     ) {
-        match self.engine(work) {
+        match self.engine_for_lanes(work) {
             Some((engine, machine)) => {
                 engine.mass_matrix_lanes(At { q, v: &[], p }, machine, out);
             }
@@ -491,20 +501,29 @@ impl<L: Lagrangian> Dynamics<L> {
     fn compiled(&self) -> Option<&Compiled> {
         match &self.route {
             Route::Programs(programs) => Some(programs),
-            Route::Duals | Route::Tree(_) => None,
+            Route::Duals | Route::Joints => None,
         }
     }
 
     /// The algorithms for trees and their memory, where this is the route.
     #[inline]
     fn engine<'a>(&'a self, work: &'a mut Workspace) -> Option<(&'a Engine, &'a mut Machine)> {
-        match (&self.route, &mut work.machine) {
-            (Route::Tree(engine), Some(machine)) => Some((engine, machine)),
-            _ => None,
+        match self.route {
+            Route::Joints => self.engine_for_lanes(work),
+            Route::Duals | Route::Programs(_) => None,
         }
     }
 
-    /// The same, where no joint follows another.
+    /// The same for eight states at once: for every tree, unless dual numbers are asked for.
+    #[inline]
+    fn engine_for_lanes<'a>(
+        &'a self,
+        work: &'a mut Workspace,
+    ) -> Option<(&'a Engine, &'a mut Machine)> {
+        self.joints.as_deref().zip(work.machine.as_mut())
+    }
+
+    /// The algorithms for trees, where this is the route and no joint follows another.
     #[inline]
     fn joint_by_joint<'a>(
         &'a self,
@@ -556,10 +575,7 @@ impl<L: Lagrangian> Dynamics<L> {
             Route::Programs(programs) => programs.registers(),
             _ => Registers::default(),
         };
-        let machine = match &self.route {
-            Route::Tree(engine) => Some(engine.machine()),
-            _ => None,
-        };
+        let machine = self.joints.as_ref().map(|engine| engine.machine());
         let np = self.lagrangian.parameters().len();
         Workspace::new((self.nq(), self.nv(), np), registers, machine)
     }

@@ -2,10 +2,11 @@
 
 use super::common::{Axis, Sums};
 use super::plan::Plan;
+use super::sink::Sink;
 use super::vector::{dot_add, scale};
 use crate::Scalar;
 
-/// Adds ∂Q/∂q and ∂Q/∂v of Q = M v̇ + C v + G to what `by_q` and `by_v` collect; sums at ACCELERATION.
+/// ∂Q/∂q and ∂Q/∂v of Q = M v̇ + C v + G, into `out`; sums at ACCELERATION.
 ///
 /// Q_i = ∫ ∂r/∂q_i · r̈ dm (r̈ less g). Where joint j moves, all points beyond it follow:
 ///
@@ -21,8 +22,7 @@ pub fn inverse_dynamics<D: Scalar>(
     plan: &Plan,
     axes: &[Axis<D>],
     sums: &[Sums<D>],
-    mut by_q: impl FnMut(usize, usize, D),
-    mut by_v: impl FnMut(usize, usize, D),
+    out: &mut impl Sink<D>,
 ) {
     for (k, dof) in plan.dofs.iter().enumerate() {
         let (axis, beyond) = (&axes[k], &sums[dof.body]);
@@ -39,8 +39,8 @@ pub fn inverse_dynamics<D: Scalar>(
             let q = dot_add(&turning, &across.swept.angular, swept);
             let rate = momentum.dot(&across.rate.plus(&across.swept));
             let v = dot_add(&turning, &across.s.angular, rate);
-            by_q(k, j, q * ratio);
-            by_v(k, j, v * ratio);
+            out.by_q(k, j, q * ratio);
+            out.by_v(k, j, v * ratio);
             at = other.above;
         }
 
@@ -58,8 +58,8 @@ pub fn inverse_dynamics<D: Scalar>(
         while let Some(i) = above {
             let (other, across) = (&plan.dofs[i], &axes[i]);
             let ratio = dof.ratio * other.ratio;
-            by_q(i, k, across.s.dot(&column_q) * ratio);
-            by_v(i, k, across.s.dot(&column_v) * ratio);
+            out.by_q(i, k, across.s.dot(&column_q) * ratio);
+            out.by_v(i, k, across.s.dot(&column_v) * ratio);
             above = other.above;
         }
     }

@@ -9,6 +9,9 @@ use super::state::State;
 use crate::Scalar;
 use crate::lanes::{LANES, Lanes, Single};
 
+/// Up to this many degrees of freedom forward dynamics by the factor of M is faster than by articulated bodies.
+pub const FEW: usize = 8;
+
 /// All that the algorithms write, on one scalar.
 #[derive(Debug, Clone)]
 pub struct TreeMemory<D> {
@@ -28,8 +31,11 @@ pub struct TreeMemory<D> {
 }
 
 impl<D: Scalar> TreeMemory<D> {
-    pub fn new(plan: &Plan) -> Self {
+    /// `derivatives`: whether there is room for those of the forward dynamics.
+    pub fn new(plan: &Plan, derivatives: bool) -> Self {
         let n = plan.dofs.len();
+        let matrices = if derivatives || n <= FEW { n * n } else { 0 };
+        let rows = if derivatives { 3 * n * n } else { 0 };
         TreeMemory {
             state: State::new(plan),
             links: Link::memory(plan),
@@ -39,8 +45,8 @@ impl<D: Scalar> TreeMemory<D> {
             articulated: Articulated::memory(plan),
             weighed: Weighed::memory(plan),
             force: vec![D::zero(); plan.nv],
-            mass: vec![D::zero(); n * n],
-            rows: vec![D::zero(); (3 * n * n).max(4 * n + plan.np)],
+            mass: vec![D::zero(); matrices],
+            rows: vec![D::zero(); rows.max(4 * n + plan.np)],
         }
     }
 }
@@ -55,8 +61,8 @@ pub struct Memory<const FUSED: bool> {
 impl<const FUSED: bool> Memory<FUSED> {
     fn new(plan: &Plan) -> Self {
         Memory {
-            one: TreeMemory::new(plan),
-            eight: TreeMemory::new(plan),
+            one: TreeMemory::new(plan, true),
+            eight: TreeMemory::new(plan, false),
         }
     }
 }

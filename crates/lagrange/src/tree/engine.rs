@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::dispatch::Machine;
+use super::dispatch::{FEW, Machine};
 use super::kernels::{
     At, ByMassScale, CoriolisMatrix, Equations, ForwardDerivatives, ForwardDynamics,
     ForwardDynamicsByMass, ForwardGradient, GravityForce, InverseDerivatives, InverseDynamics,
@@ -14,9 +14,6 @@ use crate::{
     ForwardDynamicsDerivatives, ForwardDynamicsGradient, InverseDynamicsDerivatives,
     InverseDynamicsGradient, LANES,
 };
-
-/// Up to this many degrees of freedom the factor of M is faster than articulated bodies.
-const FEW: usize = 8;
 
 /// The equations of motion of one tree of rigid bodies.
 #[derive(Debug, Clone)]

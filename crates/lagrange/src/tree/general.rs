@@ -4,6 +4,7 @@ use super::common::{VELOCITY, composite, gravity, motion};
 use super::dispatch::TreeMemory;
 use super::matrices;
 use super::plan::Plan;
+use super::sink::Sink;
 use crate::Scalar;
 use crate::mechanism::Tree;
 
@@ -23,7 +24,7 @@ pub fn equations<D: Scalar>(tree: &Tree, q: &[D], v: &[D], p: &[D]) -> General<D
         mut axes,
         mut sums,
         ..
-    } = TreeMemory::new(&plan);
+    } = TreeMemory::new(&plan, false);
     state.q.copy_from_slice(q);
     state.v.copy_from_slice(v);
     state.p.copy_from_slice(p);
@@ -36,21 +37,22 @@ pub fn equations<D: Scalar>(tree: &Tree, q: &[D], v: &[D], p: &[D]) -> General<D
         coriolis: vec![D::zero(); n * n],
         gravity: vec![D::zero(); n],
     };
-    let General {
-        mass,
-        coriolis,
-        gravity: force,
-    } = &mut out;
-    matrices::mass_and_coriolis(
-        &plan,
-        &axes,
-        &sums,
-        |i, j, x| mass[i * n + j] = mass[i * n + j] + x,
-        |i, j, x| coriolis[i * n + j] = coriolis[i * n + j] + x,
-    );
+    matrices::mass_and_coriolis(&plan, &axes, &sums, &mut out);
     let downward = gravity(&plan, &state);
-    matrices::gravity_force(&plan, &downward, &axes, &sums, |i, x| {
-        force[i] = force[i] + x;
-    });
+    matrices::gravity_force(&plan, &downward, &axes, &sums, &mut out);
     out
+}
+
+impl<D: Scalar> Sink<D> for General<D> {
+    fn mass(&mut self, row: usize, column: usize, entry: D) {
+        let to = &mut self.mass[row * self.gravity.len() + column];
+        *to = *to + entry;
+    }
+    fn coriolis(&mut self, row: usize, column: usize, entry: D) {
+        let to = &mut self.coriolis[row * self.gravity.len() + column];
+        *to = *to + entry;
+    }
+    fn gravity(&mut self, row: usize, entry: D) {
+        self.gravity[row] = self.gravity[row] + entry;
+    }
 }

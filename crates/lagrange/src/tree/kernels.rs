@@ -9,6 +9,7 @@ use super::dispatch::{Kernel, Memory, TreeMemory, Width};
 use super::gradient::Weighed;
 use super::inverse_dynamics::Link;
 use super::plan::Plan;
+use super::sink::{self, Columns};
 use super::state::State;
 use super::{articulated, derivatives, factor, gradient, inverse_dynamics, matrices};
 use crate::Scalar;
@@ -90,17 +91,9 @@ impl<T: Width> Kernel for MassMatrix<'_, T> {
         } = memory;
         motion::<_, POSITION>(plan, state, moved, axes);
         composite::<_, POSITION>(plan, state, moved, sums);
-        self.mass.fill(T::default());
-        matrices::mass_matrix(plan, axes, sums, |i, j, x| {
-            collect(&mut self.mass[j * plan.nv + i], x);
-        });
+        let mut out = sink::Mass::<T, F>(Columns::new(plan, self.mass));
+        matrices::mass_matrix(plan, axes, sums, &mut out);
     }
-}
-
-/// to += x.
-#[inline(always)]
-fn collect<T: Width, const F: bool>(to: &mut T, x: T::Number<F>) {
-    *to = T::drop(to.lift() + x);
 }
 
 /// G.
@@ -151,20 +144,14 @@ impl<T: Width> Kernel for Equations<'_, T> {
         } = memory;
         motion::<_, VELOCITY>(plan, state, moved, axes);
         composite::<_, VELOCITY>(plan, state, moved, sums);
-        self.mass.fill(T::default());
-        self.coriolis.fill(T::default());
-        self.gravity.fill(T::default());
-        matrices::mass_and_coriolis(
-            plan,
-            axes,
-            sums,
-            |i, j, x| collect(&mut self.mass[j * plan.nv + i], x),
-            |i, j, x| collect(&mut self.coriolis[j * plan.nv + i], x),
-        );
+        let mut out = sink::Terms::<T, F> {
+            mass: Columns::new(plan, self.mass),
+            coriolis: Columns::new(plan, self.coriolis),
+            gravity: Columns::new(plan, self.gravity),
+        };
+        matrices::mass_and_coriolis(plan, axes, sums, &mut out);
         let gravity = gravity(plan, state);
-        matrices::gravity_force(plan, &gravity, axes, sums, |i, x| {
-            collect(&mut self.gravity[i], x);
-        });
+        matrices::gravity_force(plan, &gravity, axes, sums, &mut out);
     }
 }
 
@@ -188,14 +175,8 @@ impl<T: Width> Kernel for CoriolisMatrix<'_, T> {
         } = memory;
         motion::<_, VELOCITY>(plan, state, moved, axes);
         composite::<_, VELOCITY>(plan, state, moved, sums);
-        self.coriolis.fill(T::default());
-        matrices::mass_and_coriolis(
-            plan,
-            axes,
-            sums,
-            |_, _, _| {},
-            |i, j, x| collect(&mut self.coriolis[j * plan.nv + i], x),
-        );
+        let mut out = sink::Coriolis::<T, F>(Columns::new(plan, self.coriolis));
+        matrices::mass_and_coriolis(plan, axes, sums, &mut out);
     }
 }
 
@@ -327,16 +308,12 @@ impl<T: Width> Kernel for InverseDerivatives<'_, T> {
         } = memory;
         motion::<_, ACCELERATION>(plan, state, moved, axes);
         composite::<_, ACCELERATION>(plan, state, moved, sums);
-        self.by_q.fill(T::default());
-        self.by_v.fill(T::default());
-        let (dofs, nv) = (&plan.dofs, plan.nv);
-        derivatives::inverse_dynamics(
+        let mut out = sink::Derivatives::<T, F> {
             plan,
-            axes,
-            sums,
-            |i, j, x| collect(&mut self.by_q[dofs[j].v * nv + dofs[i].v], x),
-            |i, j, x| collect(&mut self.by_v[dofs[j].v * nv + dofs[i].v], x),
-        );
+            by_q: Columns::new(plan, self.by_q),
+            by_v: Columns::new(plan, self.by_v),
+        };
+        derivatives::inverse_dynamics(plan, axes, sums, &mut out);
     }
 }
 
@@ -377,16 +354,14 @@ impl<T: Width> Kernel for ForwardDerivatives<'_, T> {
         composite::<_, ACCELERATION>(plan, state, moved, sums);
         let width = 3 * n;
         rows.fill(Scalar::zero());
-        let cells = std::cell::Cell::from_mut(&mut rows[..]).as_slice_of_cells();
-        derivatives::inverse_dynamics(
-            plan,
-            axes,
-            sums,
-            |i, j, x| cells[i * width + j].set(-x),
-            |i, j, x| cells[i * width + n + j].set(-x),
-        );
+        let mut out = sink::Rows {
+            rows: &mut *rows,
+            width,
+            count: n,
+        };
+        derivatives::inverse_dynamics(plan, axes, sums, &mut out);
         for k in 0..n {
-            cells[k * width + 2 * n + k].set(Scalar::constant(1.0));
+            rows[k * width + 2 * n + k] = Scalar::constant(1.0);
         }
         factor::solve(plan, mass, rows, width);
         for (i, row) in plan.dofs.iter().zip(rows.chunks_exact(width)) {
@@ -430,7 +405,8 @@ impl Kernel for ByMassScale<'_> {
             while let Some(j) = at {
                 let dof = &plan.dofs[j];
                 let entry = axes[j].s.dot(&alone.wrench) * dof.ratio;
-                collect(&mut self.out[column * plan.nv + dof.v], entry);
+                let to = &mut self.out[column * plan.nv + dof.v];
+                *to += f64::drop(entry);
                 at = dof.above;
             }
         }

@@ -2,10 +2,11 @@
 
 use super::common::{Axis, Sums};
 use super::plan::Plan;
+use super::sink::Sink;
 use super::vector::{Spatial, Vector, cross, negate, scale};
 use crate::Scalar;
 
-/// Adds M to what `add(row, column, entry)` collects; one frame, sums at POSITION or above.
+/// M, into `out`; sums at POSITION or above.
 ///
 /// M_ij = ∫ ∂r/∂q_i · ∂r/∂q_j dm = S_i · (momentum of all that both joints move under S_j), where one joint carries the other; else
 /// no body is moved by both, and M_ij = 0. (The composite-rigid-body algorithm, Featherstone 2008, §6.2.)
@@ -14,27 +15,24 @@ pub fn mass_matrix<D: Scalar>(
     plan: &Plan,
     axes: &[Axis<D>],
     sums: &[Sums<D>],
-    mut add: impl FnMut(usize, usize, D),
+    out: &mut impl Sink<D>,
 ) {
     for (k, dof) in plan.dofs.iter().enumerate() {
         let momentum = sums[dof.body].of_motion(&axes[k].s);
-        add(
-            dof.v,
-            dof.v,
-            axes[k].s.dot(&momentum) * (dof.ratio * dof.ratio),
-        );
+        let entry = axes[k].s.dot(&momentum) * (dof.ratio * dof.ratio);
+        out.mass(dof.v, dof.v, entry);
         let mut above = dof.above;
         while let Some(j) = above {
             let other = &plan.dofs[j];
             let entry = axes[j].s.dot(&momentum) * (dof.ratio * other.ratio);
-            add(dof.v, other.v, entry);
-            add(other.v, dof.v, entry);
+            out.mass(dof.v, other.v, entry);
+            out.mass(other.v, dof.v, entry);
             above = other.above;
         }
     }
 }
 
-/// Adds M and C to what `mass` and `coriolis` collect; sums at VELOCITY or above.
+/// M and C, into `out`; sums at VELOCITY or above.
 ///
 /// A mass point's Christoffel symbols vanish in the axes of the world, so that
 ///
@@ -47,8 +45,7 @@ pub fn mass_and_coriolis<D: Scalar>(
     plan: &Plan,
     axes: &[Axis<D>],
     sums: &[Sums<D>],
-    mut mass: impl FnMut(usize, usize, D),
-    mut coriolis: impl FnMut(usize, usize, D),
+    out: &mut impl Sink<D>,
 ) {
     for (k, dof) in plan.dofs.iter().enumerate() {
         let (axis, beyond) = (&axes[k], &sums[dof.body]);
@@ -58,17 +55,17 @@ pub fn mass_and_coriolis<D: Scalar>(
             .of_motion(&axis.rate)
             .plus(&beyond.of_turning(&axis.s.angular));
         let square = dof.ratio * dof.ratio;
-        mass(dof.v, dof.v, axis.s.dot(&momentum) * square);
-        coriolis(dof.v, dof.v, axis.s.dot(&rate) * square);
+        out.mass(dof.v, dof.v, axis.s.dot(&momentum) * square);
+        out.coriolis(dof.v, dof.v, axis.s.dot(&rate) * square);
         let mut above = dof.above;
         while let Some(j) = above {
             let (other, across) = (&plan.dofs[j], &axes[j]);
             let ratio = dof.ratio * other.ratio;
             let entry = across.s.dot(&momentum) * ratio;
-            mass(dof.v, other.v, entry);
-            mass(other.v, dof.v, entry);
-            coriolis(other.v, dof.v, across.s.dot(&rate) * ratio);
-            coriolis(dof.v, other.v, along(&momentum, &turning, across) * ratio);
+            out.mass(dof.v, other.v, entry);
+            out.mass(other.v, dof.v, entry);
+            out.coriolis(other.v, dof.v, across.s.dot(&rate) * ratio);
+            out.coriolis(dof.v, other.v, along(&momentum, &turning, across) * ratio);
             above = other.above;
         }
     }
@@ -80,14 +77,14 @@ fn along<D: Scalar>(momentum: &Spatial<D>, turning: &Vector<D>, j: &Axis<D>) -> 
     super::vector::dot_add(turning, &j.s.angular, momentum.dot(&j.rate))
 }
 
-/// Adds G to what `add` collects: ∂V/∂q_i = −∫ g · ∂r/∂q_i dm = S_i · (−h × g, −m g).
+/// G, into `out`: ∂V/∂q_i = −∫ g · ∂r/∂q_i dm = S_i · (−h × g, −m g).
 #[inline(always)]
 pub fn gravity_force<D: Scalar>(
     plan: &Plan,
     gravity: &Vector<D>,
     axes: &[Axis<D>],
     sums: &[Sums<D>],
-    mut add: impl FnMut(usize, D),
+    out: &mut impl Sink<D>,
 ) {
     let lift = negate(gravity);
     for (dof, axis) in plan.dofs.iter().zip(axes) {
@@ -96,6 +93,6 @@ pub fn gravity_force<D: Scalar>(
             angular: cross(&beyond.moment, &lift),
             linear: scale(&lift, beyond.mass),
         };
-        add(dof.v, axis.s.dot(&weight) * dof.ratio);
+        out.gravity(dof.v, axis.s.dot(&weight) * dof.ratio);
     }
 }

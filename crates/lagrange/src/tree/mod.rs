@@ -29,6 +29,7 @@ mod kernels;
 mod matrices;
 mod plan;
 mod regressor;
+mod sink;
 mod state;
 pub mod vector;
 

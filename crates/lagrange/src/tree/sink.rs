@@ -1,0 +1,135 @@
+//! Where the entries of matrices go, one by one.
+
+use super::dispatch::Width;
+use super::plan::Plan;
+use crate::Scalar;
+
+/// Takes what the algorithms find; what is not overridden is not wanted. (No closures: those would not be compiled for the
+/// processor at hand.)
+pub trait Sink<D: Scalar> {
+    /// Adds to M, by indices in v.
+    #[inline(always)]
+    fn mass(&mut self, _row: usize, _column: usize, _entry: D) {}
+    /// Adds to C, by indices in v.
+    #[inline(always)]
+    fn coriolis(&mut self, _row: usize, _column: usize, _entry: D) {}
+    /// Adds to G, by index in v.
+    #[inline(always)]
+    fn gravity(&mut self, _row: usize, _entry: D) {}
+    /// Adds to ∂Q/∂q, by degrees of freedom.
+    #[inline(always)]
+    fn by_q(&mut self, _row: usize, _column: usize, _entry: D) {}
+    /// Adds to ∂Q/∂v, by degrees of freedom.
+    #[inline(always)]
+    fn by_v(&mut self, _row: usize, _column: usize, _entry: D) {}
+}
+
+/// A matrix (or, with one column, a vector), column after column; entries between joints that share no body stay 0.
+pub struct Columns<'a, T, const F: bool> {
+    entries: &'a mut [T],
+    rows: usize,
+    /// Whether each entry comes once: no joint follows another.
+    once: bool,
+}
+
+impl<'a, T: Width, const F: bool> Columns<'a, T, F> {
+    #[inline(always)]
+    pub fn new(plan: &Plan, entries: &'a mut [T]) -> Self {
+        entries.fill(T::default());
+        Columns {
+            entries,
+            rows: plan.nv,
+            once: plan.independent,
+        }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, row: usize, column: usize, entry: T::Number<F>) {
+        let to = &mut self.entries[column * self.rows + row];
+        if self.once {
+            *to = T::drop(entry);
+        } else {
+            *to = T::drop(to.lift() + entry);
+        }
+    }
+}
+
+/// M.
+pub struct Mass<'a, T, const F: bool>(pub Columns<'a, T, F>);
+
+impl<T: Width, const F: bool> Sink<T::Number<F>> for Mass<'_, T, F> {
+    #[inline(always)]
+    fn mass(&mut self, row: usize, column: usize, entry: T::Number<F>) {
+        self.0.add(row, column, entry);
+    }
+}
+
+/// C.
+pub struct Coriolis<'a, T, const F: bool>(pub Columns<'a, T, F>);
+
+impl<T: Width, const F: bool> Sink<T::Number<F>> for Coriolis<'_, T, F> {
+    #[inline(always)]
+    fn coriolis(&mut self, row: usize, column: usize, entry: T::Number<F>) {
+        self.0.add(row, column, entry);
+    }
+}
+
+/// M, C and G.
+pub struct Terms<'a, T, const F: bool> {
+    pub mass: Columns<'a, T, F>,
+    pub coriolis: Columns<'a, T, F>,
+    pub gravity: Columns<'a, T, F>,
+}
+
+impl<T: Width, const F: bool> Sink<T::Number<F>> for Terms<'_, T, F> {
+    #[inline(always)]
+    fn mass(&mut self, row: usize, column: usize, entry: T::Number<F>) {
+        self.mass.add(row, column, entry);
+    }
+    #[inline(always)]
+    fn coriolis(&mut self, row: usize, column: usize, entry: T::Number<F>) {
+        self.coriolis.add(row, column, entry);
+    }
+    #[inline(always)]
+    fn gravity(&mut self, row: usize, entry: T::Number<F>) {
+        self.gravity.add(row, 0, entry);
+    }
+}
+
+/// ∂Q/∂q and ∂Q/∂v.
+pub struct Derivatives<'a, T, const F: bool> {
+    pub plan: &'a Plan,
+    pub by_q: Columns<'a, T, F>,
+    pub by_v: Columns<'a, T, F>,
+}
+
+impl<T: Width, const F: bool> Sink<T::Number<F>> for Derivatives<'_, T, F> {
+    #[inline(always)]
+    fn by_q(&mut self, row: usize, column: usize, entry: T::Number<F>) {
+        let dofs = &self.plan.dofs;
+        self.by_q.add(dofs[row].v, dofs[column].v, entry);
+    }
+    #[inline(always)]
+    fn by_v(&mut self, row: usize, column: usize, entry: T::Number<F>) {
+        let dofs = &self.plan.dofs;
+        self.by_v.add(dofs[row].v, dofs[column].v, entry);
+    }
+}
+
+/// −∂Q/∂q and −∂Q/∂v side by side in rows of `width`, `count` entries each, in the order of the degrees of freedom.
+pub struct Rows<'a, D> {
+    pub rows: &'a mut [D],
+    pub width: usize,
+    pub count: usize,
+}
+
+impl<D: Scalar> Sink<D> for Rows<'_, D> {
+    #[inline(always)]
+    fn by_q(&mut self, row: usize, column: usize, entry: D) {
+        self.rows[row * self.width + column] = -entry;
+    }
+    #[inline(always)]
+    fn by_v(&mut self, row: usize, column: usize, entry: D) {
+        self.rows[row * self.width + self.count + column] = -entry;
+    }
+}
