@@ -4,13 +4,15 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::equations::derivatives::inverse_dynamics_derivatives;
 use crate::equations::{Workspace, coriolis, fast, gradient, one_by_one, reference};
-use crate::mechanism::Tree;
-use crate::trace::{Arguments, Compiled, Registers};
+use crate::trace::{Arguments, Compiled, Quantity, Registers};
 use crate::tree::{At, Engine, Machine};
 use crate::{Coordinate, Error, LANES, Lagrangian, Mechanics, Parameter};
 use crate::{Formulas, FormulasError};
 use crate::{ForwardDynamicsDerivatives, ForwardDynamicsGradient};
 use crate::{InverseDynamicsDerivatives, InverseDynamicsGradient};
+
+/// Only trees of so few degrees of freedom are tried as programs.
+const FEW: usize = 2;
 
 /// [`Mechanics`] of a [`Lagrangian`].
 ///
@@ -34,20 +36,11 @@ pub struct Dynamics<L> {
     coordinates: Vec<Coordinate>,
     /// Whether T = ½ vᵀ M(q) v, so that the fast routes hold.
     quadratic: bool,
-    route: Route,
-    /// The algorithms for trees, which also serve eight states at once where one state is served by programs.
-    joints: Option<Box<Engine>>,
-}
-
-/// Where the equations of one state come from.
-#[derive(Debug, Clone)]
-enum Route {
-    /// Dual numbers through T and V.
-    Duals,
     /// Programs from a trace of T and V, for a small mechanism whose energies do not branch.
-    Programs(Box<Compiled>),
-    /// Joint by joint, for a tree of rigid bodies.
-    Joints,
+    programs: Option<Box<Compiled>>,
+    /// Joint by joint, for a tree of rigid bodies. Where there are programs too, the shortest of them come first; where there is
+    /// neither, dual numbers go through T and V.
+    joints: Option<Box<Engine>>,
 }
 
 impl<L: Lagrangian> Dynamics<L> {
@@ -86,63 +79,57 @@ impl<L: Lagrangian> Dynamics<L> {
         let tree = lagrangian.rigid_bodies();
         let quadratic = tree.is_some() || is_quadratic(&lagrangian);
         let joints = tree.map(|tree| Box::new(Engine::of(tree)));
-        let route = match tree {
-            Some(tree) => Self::joints_or_programs(&lagrangian, tree),
-            None => Self::programs(&lagrangian, quadratic),
+        let few = tree.is_none_or(|tree| tree.nv() <= FEW && !tree.is_floating());
+        let programs = if few {
+            Self::programs(&lagrangian, quadratic)
+        } else {
+            None
         };
         Dynamics {
             lagrangian,
             coordinates,
             quadratic,
-            route,
+            programs,
             joints,
         }
     }
 
-    /// Programs for the smallest trees, as long as nothing else is faster.
-    fn joints_or_programs(lagrangian: &L, tree: &Tree) -> Route {
-        if tree.is_floating() || tree.nv() > 2 {
-            return Route::Joints;
-        }
-        match Self::programs(lagrangian, true) {
-            Route::Programs(programs) if programs.is_short() => Route::Programs(programs),
-            _ => Route::Joints,
-        }
-    }
-
-    fn programs(lagrangian: &L, quadratic: bool) -> Route {
+    fn programs(lagrangian: &L, quadratic: bool) -> Option<Box<Compiled>> {
         let compiled = quadratic.then(|| Compiled::of(lagrangian)).flatten();
-        compiled.map_or(Route::Duals, |compiled| Route::Programs(Box::new(compiled)))
+        compiled.map(Box::new)
     }
 
     /// The same equations by dual numbers through T and V alone: the other route to the same numbers. Not for trees with floating
     /// joints, whose velocities are no rates of coordinates; they are returned as they are.
     #[must_use]
     pub fn by_duals(self) -> Self {
-        let floating = self.coordinates.iter().any(|c| c.floating);
-        if floating {
+        if self.coordinates.iter().any(|c| c.floating) {
             return self;
         }
         Dynamics {
-            route: Route::Duals,
+            programs: None,
             joints: None,
             ..self
         }
     }
 
-    /// The same equations by programs from a trace of T and V, where they can be had; else as they are.
+    /// The same equations by programs from a trace of T and V alone, where they can be had; else as they are.
     #[must_use]
     pub fn by_programs(self) -> Self {
         let floating = self.coordinates.iter().any(|c| c.floating);
         match Self::programs(&self.lagrangian, self.quadratic && !floating) {
-            Route::Duals => self,
-            route => Dynamics { route, ..self },
+            None => self,
+            programs => Dynamics {
+                programs,
+                joints: None,
+                ..self
+            },
         }
     }
 
-    /// Whether the equations run as compiled programs.
+    /// Whether compiled programs serve, at least where they are shortest.
     pub fn is_compiled(&self) -> bool {
-        self.compiled().is_some()
+        self.programs.is_some()
     }
 
     /// The mechanism.
@@ -209,15 +196,15 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
     }
 
     fn mass_matrix_into(&self, q: &[f64], p: &[f64], work: &mut Workspace, out: &mut DMatrix<f64>) {
-        if let Some((engine, machine)) = self.engine(work) {
-            engine.mass_matrix(At { q, v: &[], p }, machine, out);
-        } else if let Some(programs) = self.compiled() {
+        if let Some(programs) = self.program(Quantity::Mass) {
             let at = Arguments {
                 q,
                 p,
                 ..Arguments::default()
             };
             programs.mass_matrix(at, &mut work.registers, out);
+        } else if let Some((engine, machine)) = self.engine(work) {
+            engine.mass_matrix(At { q, v: &[], p }, machine, out);
         } else if self.quadratic {
             fast::mass_matrix(&self.lagrangian, q, p, work, out);
         } else {
@@ -233,11 +220,11 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut DMatrix<f64>,
     ) {
-        if let Some((engine, machine)) = self.engine(work) {
-            engine.coriolis_matrix(At { q, v, p }, machine, out);
-        } else if let Some(programs) = self.compiled() {
+        if let Some(programs) = self.program(Quantity::Coriolis) {
             let at = Arguments { q, v, p, a: &[] };
             programs.coriolis_matrix(at, &mut work.registers, out);
+        } else if let Some((engine, machine)) = self.engine(work) {
+            engine.coriolis_matrix(At { q, v, p }, machine, out);
         } else {
             coriolis::coriolis_matrix(&self.lagrangian, q, v, p, work, out);
         }
@@ -250,15 +237,15 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut DVector<f64>,
     ) {
-        if let Some((engine, machine)) = self.engine(work) {
-            engine.gravity_force(At { q, v: &[], p }, machine, out);
-        } else if let Some(programs) = self.compiled() {
+        if let Some(programs) = self.program(Quantity::Gravity) {
             let at = Arguments {
                 q,
                 p,
                 ..Arguments::default()
             };
             programs.gravity_force(at, &mut work.registers, out);
+        } else if let Some((engine, machine)) = self.engine(work) {
+            engine.gravity_force(At { q, v: &[], p }, machine, out);
         } else {
             fast::gravity_force(&self.lagrangian, q, p, work, out);
         }
@@ -272,11 +259,11 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut DVector<f64>,
     ) {
-        if let Some((engine, machine)) = self.engine(work) {
-            engine.inverse_dynamics(At { q, v, p }, None, machine, out.as_mut_slice());
-        } else if let Some(programs) = self.compiled() {
+        if let Some(programs) = self.program(Quantity::Bias) {
             let at = Arguments { q, v, p, a: &[] };
             programs.bias_force(at, &mut work.registers, out);
+        } else if let Some((engine, machine)) = self.engine(work) {
+            engine.inverse_dynamics(At { q, v, p }, None, machine, out.as_mut_slice());
         } else {
             fast::bias_force(&self.lagrangian, q, v, p, work, out);
         }
@@ -292,11 +279,11 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         coriolis: &mut DMatrix<f64>,
         gravity: &mut DVector<f64>,
     ) {
-        if let Some((engine, machine)) = self.engine(work) {
-            engine.equations(At { q, v, p }, machine, mass, coriolis, gravity);
-        } else if let Some(programs) = self.compiled() {
+        if let Some(programs) = self.program(Quantity::Terms) {
             let at = Arguments { q, v, p, a: &[] };
             programs.terms(at, &mut work.registers, mass, coriolis, gravity);
+        } else if let Some((engine, machine)) = self.engine(work) {
+            engine.equations(At { q, v, p }, machine, mass, coriolis, gravity);
         } else {
             self.mass_matrix_into(q, p, work, mass);
             self.coriolis_matrix_into(q, v, p, work, coriolis);
@@ -313,11 +300,11 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut DVector<f64>,
     ) {
-        if let Some((engine, machine)) = self.engine(work) {
-            engine.inverse_dynamics(At { q, v, p }, Some(a), machine, out.as_mut_slice());
-        } else if let Some(programs) = self.compiled() {
+        if let Some(programs) = self.program(Quantity::Force) {
             let at = Arguments { q, v, a, p };
             programs.inverse_dynamics(at, &mut work.registers, out);
+        } else if let Some((engine, machine)) = self.engine(work) {
+            engine.inverse_dynamics(At { q, v, p }, Some(a), machine, out.as_mut_slice());
         } else {
             fast::inverse_dynamics(&self.lagrangian, (q, v, Some(a)), p, work, out);
         }
@@ -332,11 +319,11 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         out: &mut DVector<f64>,
     ) -> Result<(), Error> {
         let solved = match self.joint_by_joint(work) {
-            Some((engine, machine)) => {
+            Some((engine, machine)) if self.program(Quantity::Equations).is_none() => {
                 engine.forward_dynamics(At { q, v, p }, machine, out.as_mut_slice());
                 out.iter().all(|a| a.is_finite())
             }
-            None => self.forward_dynamics_by_factor(q, v, p, work, out),
+            _ => self.forward_dynamics_by_factor(q, v, p, work, out),
         };
         if solved {
             return Ok(());
@@ -354,11 +341,11 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut InverseDynamicsDerivatives,
     ) {
-        if let Some((engine, machine)) = self.engine(work) {
-            engine.inverse_derivatives(At { q, v, p }, a, constants, machine, out);
-        } else if let Some(programs) = self.compiled() {
+        if let Some(programs) = self.program(Quantity::Derivatives) {
             let at = Arguments { q, v, a, p };
             programs.derivatives(at, constants, &mut work.registers, out);
+        } else if let Some((engine, machine)) = self.engine(work) {
+            engine.inverse_derivatives(At { q, v, p }, a, constants, machine, out);
         } else {
             let at = (q, v, a);
             inverse_dynamics_derivatives(&self.lagrangian, at, p, constants, work, out);
@@ -451,7 +438,7 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut [[f64; LANES]],
     ) {
-        match self.engine_for_lanes(work) {
+        match self.engine(work) {
             Some((engine, machine)) => {
                 engine.inverse_dynamics_lanes(At { q, v, p }, a, machine, out);
             }
@@ -468,7 +455,7 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         out: &mut [[f64; LANES]],
     ) -> Result<(), Error> {
         let independent = |joints: &(&Engine, &mut Machine)| joints.0.is_independent();
-        let Some((engine, machine)) = self.engine_for_lanes(work).filter(independent) else {
+        let Some((engine, machine)) = self.engine(work).filter(independent) else {
             return one_by_one::forward_dynamics(self, (q, v), p, work, out);
         };
         engine.forward_dynamics_lanes(At { q, v, p }, machine, out);
@@ -488,7 +475,7 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut [[f64; LANES]],
     ) {
-        match self.engine_for_lanes(work) {
+        match self.engine(work) {
             Some((engine, machine)) => {
                 engine.mass_matrix_lanes(At { q, v: &[], p }, machine, out);
             }
@@ -498,32 +485,20 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
 }
 
 impl<L: Lagrangian> Dynamics<L> {
-    fn compiled(&self) -> Option<&Compiled> {
-        match &self.route {
-            Route::Programs(programs) => Some(programs),
-            Route::Duals | Route::Joints => None,
-        }
+    /// The programs, where one of them is the route to a quantity.
+    #[inline]
+    fn program(&self, quantity: Quantity) -> Option<&Compiled> {
+        let programs = self.programs.as_deref()?;
+        (self.joints.is_none() || programs.is_short(quantity)).then_some(programs)
     }
 
-    /// The algorithms for trees and their memory, where this is the route.
+    /// The algorithms for trees and their memory, where there are some.
     #[inline]
     fn engine<'a>(&'a self, work: &'a mut Workspace) -> Option<(&'a Engine, &'a mut Machine)> {
-        match self.route {
-            Route::Joints => self.engine_for_lanes(work),
-            Route::Duals | Route::Programs(_) => None,
-        }
-    }
-
-    /// The same for eight states at once: for every tree, unless dual numbers are asked for.
-    #[inline]
-    fn engine_for_lanes<'a>(
-        &'a self,
-        work: &'a mut Workspace,
-    ) -> Option<(&'a Engine, &'a mut Machine)> {
         self.joints.as_deref().zip(work.machine.as_mut())
     }
 
-    /// The algorithms for trees, where this is the route and no joint follows another.
+    /// The same, where no joint follows another.
     #[inline]
     fn joint_by_joint<'a>(
         &'a self,
@@ -544,16 +519,16 @@ impl<L: Lagrangian> Dynamics<L> {
     ) -> bool {
         let mut mass = std::mem::take(&mut work.mass);
         let mut bias = std::mem::take(&mut work.force);
-        match &self.route {
-            Route::Programs(programs) => {
+        match self.program(Quantity::Equations) {
+            Some(programs) => {
                 let at = Arguments { q, v, p, a: &[] };
                 programs.equations(at, &mut work.registers, &mut mass, &mut bias);
             }
-            _ if self.quadratic => {
+            None if self.quadratic => {
                 self.mass_matrix_into(q, p, work, &mut mass);
                 self.bias_force_into(q, v, p, work, &mut bias);
             }
-            _ => {
+            None => {
                 reference::mass_matrix(&self.lagrangian, (q, Some(v)), p, work, &mut mass);
                 fast::bias_force(&self.lagrangian, q, v, p, work, &mut bias);
             }
@@ -571,9 +546,9 @@ impl<L: Lagrangian> Dynamics<L> {
     }
 
     fn fresh_workspace(&self) -> Workspace {
-        let registers = match &self.route {
-            Route::Programs(programs) => programs.registers(),
-            _ => Registers::default(),
+        let registers = match &self.programs {
+            Some(programs) => programs.registers(),
+            None => Registers::default(),
         };
         let machine = self.joints.as_ref().map(|engine| engine.machine());
         let np = self.lagrangian.parameters().len();

@@ -13,8 +13,21 @@ const MOST_NODES: usize = 60_000;
 /// A program longer than this is no faster than dual numbers.
 const LONGEST: usize = 6_000;
 
-/// Up to this many instructions a quantity of a tree is computed sooner by a program than joint by joint.
-const FEW: usize = 80;
+/// What programs compute.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Quantity {
+    Mass,
+    Gravity,
+    Coriolis,
+    /// M, C and G.
+    Terms,
+    Bias,
+    /// M a + C v + G.
+    Force,
+    /// M and the bias force.
+    Equations,
+    Derivatives,
+}
 
 /// The terms of M a + C v + G and their derivatives, each a program from (q, v, a, p), in this order of variables; T is quadratic
 /// in v. Matrices column by column.
@@ -143,9 +156,20 @@ impl Compiled {
         Ok(compiled)
     }
 
-    /// Whether M, C and G are computed by so few instructions that nothing else is faster.
-    pub fn is_short(&self) -> bool {
-        self.terms.len() <= FEW
+    /// Whether a program is so short that on a tree of two joints nothing else is faster: measured with `benches/robots.rs`, an
+    /// instruction takes 1.3 ns, and the algorithms for trees 110 ns for forces and M, twice that for derivatives.
+    pub fn is_short(&self, quantity: Quantity) -> bool {
+        let (program, most) = match quantity {
+            Quantity::Mass => (&self.mass, 70),
+            Quantity::Gravity => (&self.gravity, 70),
+            Quantity::Coriolis => (&self.coriolis, 110),
+            Quantity::Terms => (&self.terms, 120),
+            Quantity::Bias => (&self.bias, 70),
+            Quantity::Force => (&self.force, 70),
+            Quantity::Equations => (&self.equations, 90),
+            Quantity::Derivatives => (&self.derivatives, 150),
+        };
+        program.len() <= most
     }
 
     pub fn registers(&self) -> Registers {
