@@ -21,6 +21,14 @@ pub struct Single<const FUSED: bool>(pub f64);
 #[repr(C, align(64))]
 pub struct Lanes<const FUSED: bool>(pub [f64; LANES]);
 
+/// The same number eight times.
+impl<const FUSED: bool> From<Single<FUSED>> for Lanes<FUSED> {
+    #[inline(always)]
+    fn from(x: Single<FUSED>) -> Self {
+        Lanes([x.0; LANES])
+    }
+}
+
 /// x · y + z.
 #[inline(always)]
 fn fuse<const FUSED: bool>(x: f64, y: f64, z: f64) -> f64 {

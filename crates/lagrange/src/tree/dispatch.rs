@@ -5,6 +5,7 @@ use super::common::{Axis, Moved, Sums};
 use super::gradient::Weighed;
 use super::inverse_dynamics::Link;
 use super::plan::Plan;
+use super::sink::Sides;
 use super::state::State;
 use crate::Scalar;
 use crate::lanes::{LANES, Lanes, Single};
@@ -31,11 +32,10 @@ pub struct TreeMemory<D> {
 }
 
 impl<D: Scalar> TreeMemory<D> {
-    /// `derivatives`: whether there is room for those of the forward dynamics.
-    pub fn new(plan: &Plan, derivatives: bool) -> Self {
+    /// `mass`: whether M is wanted whatever its size, for the derivatives of the forward dynamics.
+    pub fn new(plan: &Plan, mass: bool) -> Self {
         let n = plan.dofs.len();
-        let matrices = if derivatives || n <= FEW { n * n } else { 0 };
-        let rows = if derivatives { 3 * n * n } else { 0 };
+        let matrices = if mass || n <= FEW { n * n } else { 0 };
         TreeMemory {
             state: State::new(plan),
             links: Link::memory(plan),
@@ -46,7 +46,7 @@ impl<D: Scalar> TreeMemory<D> {
             weighed: Weighed::memory(plan),
             force: vec![D::zero(); plan.nv],
             mass: vec![D::zero(); matrices],
-            rows: vec![D::zero(); rows.max(4 * n + plan.np)],
+            rows: vec![D::zero(); 4 * n + plan.np],
         }
     }
 }
@@ -56,6 +56,8 @@ impl<D: Scalar> TreeMemory<D> {
 pub struct Memory<const FUSED: bool> {
     pub one: TreeMemory<Single<FUSED>>,
     pub eight: TreeMemory<Lanes<FUSED>>,
+    /// −∂Q/∂q, −∂Q/∂v and 1 side by side, row after row: the right-hand sides of one state's derivatives.
+    pub sides: Vec<Lanes<FUSED>>,
 }
 
 impl<const FUSED: bool> Memory<FUSED> {
@@ -63,6 +65,7 @@ impl<const FUSED: bool> Memory<FUSED> {
         Memory {
             one: TreeMemory::new(plan, true),
             eight: TreeMemory::new(plan, false),
+            sides: vec![Lanes::constant(0.0); plan.dofs.len() * Sides::<FUSED>::width(plan)],
         }
     }
 }

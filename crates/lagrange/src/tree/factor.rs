@@ -28,41 +28,65 @@ pub fn factor<D: Scalar>(plan: &Plan, m: &mut [D]) {
     }
 }
 
-/// Solves M X = B in place; row k of B, for degree of freedom k, is `rows[k * width ..][.. width]`.
+/// Numbers of a row that are solved at once: independent sums, so that no fused product waits for the one before.
+const BLOCK: usize = 4;
+
+/// Solves M X = B in place; row k of B, for degree of freedom k, is `rows[k * width ..][.. width]`, of numbers or of eight at once.
 #[inline(always)]
-pub fn solve<D: Scalar>(plan: &Plan, m: &[D], rows: &mut [D], width: usize) {
-    let n = plan.dofs.len();
-    // Lᵀ Y = B
-    for k in (0..n).rev() {
-        let (before, here) = rows.split_at_mut(k * width);
-        let row = &here[..width];
-        let mut at = plan.dofs[k].above;
-        while let Some(i) = at {
-            subtract(&mut before[i * width..(i + 1) * width], row, m[k * n + i]);
-            at = plan.dofs[i].above;
-        }
+pub fn solve<D: Scalar, R: Scalar + From<D>>(plan: &Plan, m: &[D], rows: &mut [R], width: usize) {
+    let mut first = 0;
+    while first + BLOCK <= width {
+        solve_columns::<D, R, BLOCK>(plan, m, rows, width, first);
+        first += BLOCK;
     }
-    // L X = D⁻¹ Y
+    while first < width {
+        solve_columns::<D, R, 1>(plan, m, rows, width, first);
+        first += 1;
+    }
+}
+
+/// [`solve`] for `COUNT` numbers of each row, from `first` on. What a joint carries follows it in [`Plan::dofs`] without a gap.
+#[inline(always)]
+fn solve_columns<D: Scalar, R: Scalar + From<D>, const COUNT: usize>(
+    plan: &Plan,
+    m: &[D],
+    rows: &mut [R],
+    width: usize,
+    first: usize,
+) {
+    let n = plan.dofs.len();
+    // Lᵀ Y = B: y_i = b_i − Σ L_ki y_k over all k that i carries.
+    for i in (0..n).rev() {
+        let mut sum = [R::zero(); COUNT];
+        sum.copy_from_slice(&rows[i * width + first..][..COUNT]);
+        for k in i + 1..plan.dofs[i].end {
+            let other = &rows[k * width + first..][..COUNT];
+            add(&mut sum, other, R::from(-m[k * n + i]));
+        }
+        rows[i * width + first..][..COUNT].copy_from_slice(&sum);
+    }
+    // L X = D⁻¹ Y: x_k = y_k / D_k − Σ L_ki x_i over all i that carry k.
     for k in 0..n {
-        let (before, here) = rows.split_at_mut(k * width);
-        let row = &mut here[..width];
-        let pivot = D::constant(1.0) / m[k * n + k];
-        for x in row.iter_mut() {
+        let pivot = R::from(D::constant(1.0) / m[k * n + k]);
+        let mut sum = [R::zero(); COUNT];
+        sum.copy_from_slice(&rows[k * width + first..][..COUNT]);
+        for x in &mut sum {
             *x = *x * pivot;
         }
         let mut at = plan.dofs[k].above;
         while let Some(i) = at {
-            subtract(row, &before[i * width..(i + 1) * width], m[k * n + i]);
+            let other = &rows[i * width + first..][..COUNT];
+            add(&mut sum, other, R::from(-m[k * n + i]));
             at = plan.dofs[i].above;
         }
+        rows[k * width + first..][..COUNT].copy_from_slice(&sum);
     }
 }
 
-/// row −= factor · other.
+/// sum += factor · other.
 #[inline(always)]
-fn subtract<D: Scalar>(row: &mut [D], other: &[D], factor: D) {
-    let factor = -factor;
-    for (x, y) in row.iter_mut().zip(other) {
-        *x = factor.times_plus(*y, *x);
+fn add<R: Scalar, const COUNT: usize>(sum: &mut [R; COUNT], other: &[R], factor: R) {
+    for k in 0..COUNT {
+        sum[k] = factor.times_plus(other[k], sum[k]);
     }
 }

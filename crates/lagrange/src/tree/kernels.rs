@@ -9,10 +9,11 @@ use super::dispatch::{Kernel, Memory, TreeMemory, Width};
 use super::gradient::Weighed;
 use super::inverse_dynamics::Link;
 use super::plan::Plan;
-use super::sink::{self, Columns};
+use super::sink::{self, Columns, Sides};
 use super::state::State;
 use super::{articulated, derivatives, factor, gradient, inverse_dynamics, matrices};
 use crate::Scalar;
+use crate::lanes::LANES;
 
 /// A state and the constants.
 #[derive(Debug, Clone, Copy)]
@@ -318,20 +319,22 @@ impl<T: Width> Kernel for InverseDerivatives<'_, T> {
 }
 
 /// v̇ and its derivatives; for joints of which none follows another.
-pub struct ForwardDerivatives<'a, T> {
-    pub at: At<'a, T>,
+pub struct ForwardDerivatives<'a> {
+    pub at: At<'a, f64>,
     /// Q, and afterwards v̇.
-    pub force: &'a mut [T],
-    pub by_q: &'a mut [T],
-    pub by_v: &'a mut [T],
-    pub by_force: &'a mut [T],
+    pub force: &'a mut [f64],
+    pub by_q: &'a mut [f64],
+    pub by_v: &'a mut [f64],
+    pub by_force: &'a mut [f64],
 }
 
-impl<T: Width> Kernel for ForwardDerivatives<'_, T> {
+impl Kernel for ForwardDerivatives<'_> {
     #[inline(always)]
     fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
         let n = plan.dofs.len();
-        let memory = T::memory(memory);
+        let Memory {
+            one: memory, sides, ..
+        } = memory;
         self.at.load::<F>(plan, memory);
         let TreeMemory {
             state,
@@ -344,32 +347,24 @@ impl<T: Width> Kernel for ForwardDerivatives<'_, T> {
             rows,
             ..
         } = memory;
-        load::<T, F>(force, self.force);
+        load::<f64, F>(force, self.force);
         accelerate(plan, state, (links, moved, axes, sums), (mass, rows), force);
         for (to, from) in self.force.iter_mut().zip(&state.a) {
-            *to = T::drop(*from);
+            *to = from.0;
         }
         // −∂Q/∂q, −∂Q/∂v and 1, row after row, under M⁻¹.
         motion::<_, ACCELERATION>(plan, state, moved, axes);
         composite::<_, ACCELERATION>(plan, state, moved, sums);
-        let width = 3 * n;
-        rows.fill(Scalar::zero());
-        let mut out = sink::Rows {
-            rows: &mut *rows,
-            width,
-            count: n,
-        };
+        let mut out = Sides::<F>::new(plan, sides);
         derivatives::inverse_dynamics(plan, axes, sums, &mut out);
-        for k in 0..n {
-            rows[k * width + 2 * n + k] = Scalar::constant(1.0);
-        }
-        factor::solve(plan, mass, rows, width);
-        for (i, row) in plan.dofs.iter().zip(rows.chunks_exact(width)) {
+        let width = Sides::<F>::width(plan);
+        factor::solve(plan, mass, sides, width);
+        for (i, row) in plan.dofs.iter().zip(sides.chunks_exact(width)) {
             for (k, j) in plan.dofs.iter().enumerate() {
-                let at = j.v * n + i.v;
-                self.by_q[at] = T::drop(row[k]);
-                self.by_v[at] = T::drop(row[n + k]);
-                self.by_force[at] = T::drop(row[2 * n + k]);
+                let to = j.v * n + i.v;
+                self.by_q[to] = row[k / LANES].0[k % LANES];
+                self.by_v[to] = row[(n + k) / LANES].0[(n + k) % LANES];
+                self.by_force[to] = row[(2 * n + k) / LANES].0[(2 * n + k) % LANES];
             }
         }
     }

@@ -37,6 +37,8 @@ pub struct Dof {
     pub body: usize,
     /// The one before it on the way to the base.
     pub above: Option<usize>,
+    /// Those that it carries end before this one.
+    pub end: usize,
     /// Index in v.
     pub v: usize,
     /// d(joint velocity)/dv.
@@ -87,6 +89,7 @@ impl Plan {
                 plan.dofs.push(Dof {
                     body: plan.bodies.len(),
                     above,
+                    end: 0,
                     v: node.v + k,
                     ratio,
                 });
@@ -113,11 +116,27 @@ impl Plan {
                 first,
             });
         }
+        for k in (0..plan.dofs.len()).rev() {
+            let end = plan.dofs[k].end.max(k + 1);
+            plan.dofs[k].end = end;
+            if let Some(above) = plan.dofs[k].above {
+                plan.dofs[above].end = plan.dofs[above].end.max(end);
+            }
+        }
+        debug_assert!(plan.is_gapless());
         let mut on_base = plan.bodies.iter().filter(|body| body.parent.is_none());
         plan.floating = match (on_base.next(), on_base.next()) {
             (Some(body), None) => body.freedom == Freedom::Free,
             _ => false,
         };
         plan
+    }
+
+    /// Whether every degree of freedom is followed by those that it carries, and by no other before they end.
+    fn is_gapless(&self) -> bool {
+        self.dofs.iter().enumerate().all(|(k, dof)| {
+            let mut carried = (k + 1..dof.end).map(|j| self.dofs[j].above);
+            carried.all(|above| above.is_some_and(|above| above >= k))
+        })
     }
 }

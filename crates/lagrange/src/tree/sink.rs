@@ -3,6 +3,7 @@
 use super::dispatch::Width;
 use super::plan::Plan;
 use crate::Scalar;
+use crate::lanes::{LANES, Lanes, Single};
 
 /// Takes what the algorithms find; what is not overridden is not wanted. (No closures: those would not be compiled for the
 /// processor at hand.)
@@ -116,20 +117,46 @@ impl<T: Width, const F: bool> Sink<T::Number<F>> for Derivatives<'_, T, F> {
     }
 }
 
-/// −∂Q/∂q and −∂Q/∂v side by side in rows of `width`, `count` entries each, in the order of the degrees of freedom.
-pub struct Rows<'a, D> {
-    pub rows: &'a mut [D],
-    pub width: usize,
-    pub count: usize,
+/// −∂Q/∂q, −∂Q/∂v and 1 side by side, row after row in the order of the degrees of freedom, eight numbers together.
+pub struct Sides<'a, const F: bool> {
+    rows: &'a mut [Lanes<F>],
+    width: usize,
+    count: usize,
 }
 
-impl<D: Scalar> Sink<D> for Rows<'_, D> {
+impl<'a, const F: bool> Sides<'a, F> {
+    /// Of a row.
+    pub fn width(plan: &Plan) -> usize {
+        (3 * plan.dofs.len()).div_ceil(LANES)
+    }
+
     #[inline(always)]
-    fn by_q(&mut self, row: usize, column: usize, entry: D) {
-        self.rows[row * self.width + column] = -entry;
+    pub fn new(plan: &Plan, rows: &'a mut [Lanes<F>]) -> Self {
+        rows.fill(Lanes::constant(0.0));
+        let mut sides = Sides {
+            rows,
+            width: Self::width(plan),
+            count: plan.dofs.len(),
+        };
+        for k in 0..sides.count {
+            *sides.at(k, 2 * sides.count + k) = 1.0;
+        }
+        sides
+    }
+
+    #[inline(always)]
+    fn at(&mut self, row: usize, column: usize) -> &mut f64 {
+        &mut self.rows[row * self.width + column / LANES].0[column % LANES]
+    }
+}
+
+impl<const F: bool> Sink<Single<F>> for Sides<'_, F> {
+    #[inline(always)]
+    fn by_q(&mut self, row: usize, column: usize, entry: Single<F>) {
+        *self.at(row, column) = -entry.0;
     }
     #[inline(always)]
-    fn by_v(&mut self, row: usize, column: usize, entry: D) {
-        self.rows[row * self.width + self.count + column] = -entry;
+    fn by_v(&mut self, row: usize, column: usize, entry: Single<F>) {
+        *self.at(row, self.count + column) = -entry.0;
     }
 }
