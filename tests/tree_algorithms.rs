@@ -508,3 +508,118 @@ proptest! {
         prop_assert!(insensitive || message.contains("q[0] is inf"), "{}", message);
     }
 }
+
+/// `count` hinges; two of them, next to one another, turn about the same axis with a massless link between them.
+fn coaxial(count: usize) -> Dynamics<Tree> {
+    let mut text = String::from("<robot name=\"coaxial\"><link name=\"l0\"/>");
+    for k in 1..=count {
+        let at = count / 2;
+        let inertial = match k == at {
+            true => "",
+            false => {
+                r#"<inertial><origin xyz="0.1 0 0.2"/><mass value="1.5"/><inertia ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.025"/></inertial>"#
+            }
+        };
+        let (axis, origin) = match k {
+            _ if k == at || k == at + 1 => ("0 1 0", if k == at { "0.3 0 0.1" } else { "0 0 0" }),
+            _ => ("0.2 0.3 1", "0.3 0 0.1"),
+        };
+        text += &format!(
+            r#"<link name="l{k}">{inertial}</link><joint name="j{k}" type="continuous"><parent link="l{}"/><child link="l{k}"/>
+              <origin xyz="{origin}"/><axis xyz="{axis}"/></joint>"#,
+            k - 1
+        );
+    }
+    tree(&(text + "</robot>"), &Options::default())
+}
+
+#[test]
+fn hinges_in_line_have_no_acceleration_of_their_own_and_no_garbage_either() {
+    // Two by a program or the factor of M, eight by the factor, twelve by articulated bodies; and by dual numbers.
+    for count in [2, 8, 12] {
+        let mechanics = coaxial(count);
+        for state in 0..20 {
+            let x = |k: usize| (1.3 * (k + 7 * state) as f64).sin();
+            let q: Vec<f64> = (0..count).map(x).collect();
+            let v: Vec<f64> = (count..2 * count).map(x).collect();
+            let force: Vec<f64> = (2 * count..3 * count).map(x).collect();
+            let lanes =
+                |x: &[f64]| -> Vec<[f64; LANES]> { x.iter().map(|&x| [x; LANES]).collect() };
+            let (p, work) = (mechanics.nominal(), &mut mechanics.workspace());
+            let mut out = lanes(&force);
+            let errors = [
+                mechanics.forward_dynamics(&q, &v, &force).unwrap_err(),
+                mechanics
+                    .forward_dynamics_derivatives(&q, &v, &force)
+                    .unwrap_err(),
+                mechanics
+                    .clone()
+                    .by_duals()
+                    .forward_dynamics(&q, &v, &force)
+                    .unwrap_err(),
+                mechanics
+                    .clone()
+                    .by_programs()
+                    .forward_dynamics(&q, &v, &force)
+                    .unwrap_err(),
+                mechanics
+                    .forward_dynamics_lanes_into(&lanes(&q), &lanes(&v), &p, work, &mut out)
+                    .unwrap_err(),
+            ];
+            for error in errors {
+                let pivot = count / 2;
+                let culprit = format!(
+                    "velocity {pivot} moves no mass there, or none that those before it do not move"
+                );
+                assert!(error.to_string().contains(&culprit), "{error}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_quaternion_that_is_not_of_length_one_is_refused() {
+    let text = r#"<robot name="body"><link name="body"><inertial><mass value="2"/>
+      <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.15"/></inertial></link></robot>"#;
+    let options = Options {
+        floating_base: true,
+        ..Options::default()
+    };
+    let body = tree(text, &options);
+    let q = [0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0];
+    let zero = [0.0; 6];
+    let message = body
+        .forward_dynamics(&q, &zero, &zero)
+        .unwrap_err()
+        .to_string();
+    assert_eq!(
+        message,
+        "q[3..7] is a quaternion of length 2: it must be of length 1; use `state::normalize`"
+    );
+    assert!(body.lagrangian().link_poses(&q).is_err());
+}
+
+#[test]
+fn an_energy_with_a_singular_point_is_named_and_not_the_force() {
+    struct Cusp;
+    impl Lagrangian for Cusp {
+        fn dof(&self) -> usize {
+            1
+        }
+        fn kinetic<D: lagrange::Scalar>(&self, _q: &[D], v: &[D]) -> D {
+            v[0] * v[0] * 0.5
+        }
+        fn potential<D: lagrange::Scalar>(&self, q: &[D]) -> D {
+            q[0].sqrt()
+        }
+    }
+    let message = Dynamics::of(Cusp)
+        .forward_dynamics(&[-1.0], &[0.0], &[0.0])
+        .unwrap_err();
+    assert!(
+        message
+            .to_string()
+            .starts_with("the force that follows from V is NaN"),
+        "{message}"
+    );
+}

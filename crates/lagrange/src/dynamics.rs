@@ -5,7 +5,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use crate::equations::derivatives::inverse_dynamics_derivatives;
 use crate::equations::{Workspace, coriolis, fast, gradient, one_by_one, reference};
 use crate::trace::{Arguments, Compiled, Quantity, Registers};
-use crate::tree::{At, Engine, Machine};
+use crate::tree::{At, Engine, LEAST_PIVOT, Machine};
 use crate::{Coordinate, Error, LANES, Lagrangian, Mechanics, Parameter};
 use crate::{Formulas, FormulasError};
 use crate::{ForwardDynamicsDerivatives, ForwardDynamicsGradient};
@@ -539,7 +539,7 @@ impl<L: Lagrangian> Dynamics<L> {
             Some(factor) => {
                 factor.solve_mut(out);
                 work.mass = factor.unpack_dirty();
-                out.iter().all(|a| a.is_finite())
+                is_definite(&work.mass) && out.iter().all(|a| a.is_finite())
             }
             None => false,
         }
@@ -574,15 +574,50 @@ impl<L: Lagrangian> Dynamics<L> {
         } else {
             mass = reference::equations_with(&self.lagrangian, q, v, p).mass_matrix;
         }
-        // The smallest leading block without a Cholesky factor names the coordinate.
-        let leading = |k: &usize| mass.view((0, 0), (k + 1, k + 1)).into_owned();
-        let Some(pivot) = (0..n).find(|k| Cholesky::new(leading(k)).is_none()) else {
-            return Error::AccelerationNotFinite { q: q.to_vec() };
-        };
-        Error::SingularMassMatrix {
-            q: q.to_vec(),
-            pivot,
-            value: mass.get((pivot, pivot)).copied().unwrap_or(f64::NAN),
+        if let Some((pivot, value)) = first_dependent(&mass) {
+            return Error::SingularMassMatrix {
+                q: q.to_vec(),
+                pivot,
+                value,
+            };
+        }
+        let mut force = DVector::zeros(n);
+        let rest = vec![0.0; n];
+        for (energy, v) in [("V", &rest[..]), ("T", v)] {
+            self.bias_force_into(q, v, p, work, &mut force);
+            if force.iter().any(|x| !x.is_finite()) {
+                let q = q.to_vec();
+                return Error::EnergyNotFinite { energy, q };
+            }
+        }
+        Error::AccelerationNotFinite { q: q.to_vec() }
+    }
+}
+
+/// Whether Cholesky's factor L leaves of every M_kk = Σ L_kj² more than rounding.
+fn is_definite(factor: &DMatrix<f64>) -> bool {
+    (0..factor.nrows()).all(|k| {
+        let whole: f64 = (0..=k).map(|j| factor[(k, j)] * factor[(k, j)]).sum();
+        factor[(k, k)] * factor[(k, k)] > LEAST_PIVOT * whole
+    })
+}
+
+/// The first row of M that depends, to rounding, on those before it, and what they leave of its diagonal entry.
+fn first_dependent(mass: &DMatrix<f64>) -> Option<(usize, f64)> {
+    let n = mass.nrows();
+    let mut factor = DMatrix::<f64>::zeros(n, n);
+    for k in 0..n {
+        for i in 0..=k {
+            let sum: f64 = (0..i).map(|j| factor[(k, j)] * factor[(i, j)]).sum();
+            let left = mass[(k, i)] - sum;
+            if i < k {
+                factor[(k, i)] = left / factor[(i, i)];
+            } else if left > LEAST_PIVOT * mass[(k, k)] && left.is_finite() {
+                factor[(k, k)] = left.sqrt();
+            } else {
+                return Some((k, left));
+            }
         }
     }
+    None
 }

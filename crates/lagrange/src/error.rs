@@ -94,18 +94,41 @@ impl std::error::Error for Problems {}
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The mass matrix has no Cholesky factor.
+    /// The mass matrix is not positive definite, to rounding.
     #[error(
-        "mass matrix is not positive definite at q = {q:?} (pivot {pivot} is {value:e}): coordinate {pivot} moves no mass there; \
-         give its link a mass and inertia"
+        "mass matrix is not positive definite at q = {q:?} (pivot {pivot} is {value:e}): velocity {pivot} moves no mass there, or none \
+         that those before it do not move already (joints in line, a gimbal's lock, massless links between joints); give its link a \
+         mass and inertia, or remove the joint"
     )]
     SingularMassMatrix {
         /// The configuration.
         q: Vec<f64>,
-        /// The coordinate at which the factorisation stopped.
+        /// The velocity at which the factorisation stopped.
         pivot: usize,
-        /// The pivot's value, kg or kg·m².
+        /// What those before it leave of its diagonal entry, kg or kg·m².
         value: f64,
+    },
+    /// An energy has no finite derivative at a state.
+    #[error(
+        "the force that follows from {energy} is NaN or infinite at q = {q:?}: the energy has a singular point at or near this state, or \
+         overflows"
+    )]
+    EnergyNotFinite {
+        /// `V`, or `T`.
+        energy: &'static str,
+        /// The configuration.
+        q: Vec<f64>,
+    },
+    /// A quaternion is not of length 1.
+    #[error(
+        "q[{index}..{}] is a quaternion of length {length}: it must be of length 1; use `state::normalize`",
+        index + 4
+    )]
+    NotUnit {
+        /// Its first entry in q.
+        index: usize,
+        /// Its length.
+        length: f64,
     },
     /// The mass matrix is sound and the acceleration is not a number.
     #[error(

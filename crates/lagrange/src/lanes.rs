@@ -218,6 +218,19 @@ impl<const F: bool> Scalar for Lanes<F> {
         self.each(|x| x.powf(n))
     }
     #[inline(always)]
+    fn inverse_above(self, floor: Self) -> Self {
+        let mut out = [f64::NAN; LANES];
+        for k in 0..LANES {
+            let inverse = 1.0 / self.0[k];
+            out[k] = if self.0[k] > floor.0[k] {
+                inverse
+            } else {
+                f64::NAN
+            };
+        }
+        Lanes(out)
+    }
+    #[inline(always)]
     fn times_plus(self, factor: Self, term: Self) -> Self {
         Lanes(from_fn(|i| fuse::<F>(self.0[i], factor.0[i], term.0[i])))
     }

@@ -15,7 +15,8 @@
 //! | v̇ | acceleration, M⁻¹ (Q − C v − G) | [`forward_dynamics`](Mechanics::forward_dynamics) |
 //!
 //! Units are SI: m, rad, kg, s, N, N·m, J. v is dq/dt, one velocity a coordinate; only where a joint floats, q holds a pose and v the
-//! velocities in the moved body's axes ([`state`] is the arithmetic for it). The energy T + V changes at the rate Q · v.
+//! velocities in the moved body's axes ([`state`] is the arithmetic for it). The energy T + V changes at the rate Q · v (where T is
+//! quadratic in v, as it is for bodies that nothing drives).
 //!
 //! # From a URDF
 //!

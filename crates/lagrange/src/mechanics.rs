@@ -296,7 +296,7 @@ pub trait Mechanics: Send + Sync {
         Ok(out)
     }
 
-    /// The generalized momenta ∂T/∂v = M v, for T quadratic in v; kg·m/s or kg·m²/s.
+    /// The generalized momenta M v, which are ∂T/∂v for T quadratic in v; kg·m/s or kg·m²/s.
     fn momentum(&self, q: &[f64], v: &[f64]) -> Result<DVector<f64>, Error> {
         self.check(&[("q", q), ("v", v)])?;
         Ok(self.mass_matrix(q)? * DVector::from_column_slice(v))
@@ -391,7 +391,7 @@ pub trait Mechanics: Send + Sync {
         state::difference(self.coordinates(), from, to)
     }
 
-    /// Refuses vectors of the wrong length or with NaN or infinity in them.
+    /// Refuses vectors of the wrong length or with NaN or infinity in them, and in `q` quaternions that are not of length 1 to 1e-6.
     fn check(&self, vectors: &[(&'static str, &[f64])]) -> Result<(), Error> {
         for &(what, vector) in vectors {
             let expected = if what == "q" { self.nq() } else { self.nv() };
@@ -408,6 +408,9 @@ pub trait Mechanics: Send + Sync {
                     index,
                     value: vector[index],
                 });
+            }
+            if what == "q" {
+                state::check_unit(self.coordinates(), vector)?;
             }
         }
         Ok(())

@@ -83,6 +83,15 @@ pub trait Scalar:
     fn times_plus(self, factor: Self, term: Self) -> Self {
         self * factor + term
     }
+    /// 1 / `self` where `self` is above `floor`, else NaN.
+    #[inline(always)]
+    fn inverse_above(self, floor: Self) -> Self {
+        if self.re() > floor.re() {
+            Self::constant(1.0) / self
+        } else {
+            Self::constant(f64::NAN)
+        }
+    }
     /// Sines and cosines of many angles.
     #[inline(always)]
     fn sin_cos_of(angles: &[Self], sines: &mut [Self], cosines: &mut [Self]) {

@@ -176,6 +176,27 @@ pub fn normalize(coordinates: &[Coordinate], q: &mut [f64]) {
     }
 }
 
+/// That every quaternion in `q` is of length 1 to 1e-6; `q` is long enough.
+///
+/// # Errors
+/// [`Error::NotUnit`] for the first that is not.
+pub fn check_unit(coordinates: &[Coordinate], q: &[f64]) -> Result<(), Error> {
+    let mut first = 0;
+    for coordinate in coordinates {
+        if coordinate.floating
+            && let Some(quaternion) = q.get(first + 3..first + 7)
+        {
+            let length = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let index = first + 3;
+            if length.is_nan() || (length - 1.0).abs() > 1e-6 {
+                return Err(Error::NotUnit { index, length });
+            }
+        }
+        first += coordinate.nq();
+    }
+    Ok(())
+}
+
 /// A configuration at random, from numbers that `uniform` draws evenly from [0, 1): angles from [−π, π), displacements and
 /// positions from [−1, 1) m, and every orientation as likely as any other.
 ///

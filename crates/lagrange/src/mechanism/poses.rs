@@ -75,7 +75,7 @@ impl Tree {
                 index,
                 value: q[index],
             }),
-            None => Ok(()),
+            None => crate::state::check_unit(self.coordinates(), q),
         }
     }
 }

@@ -1,10 +1,11 @@
 //! Forward dynamics in O(n): articulated bodies.
 
 use super::common::{Axis, Moved, Sums, VELOCITY, gravity, motion};
+use super::factor::LEAST_PIVOT;
 use super::plan::{Freedom, Plan};
 use super::state::State;
 use super::vector::{
-    Matrix, Spatial, Vector, add, cross, cross_add, negate, scale, scale_add, subtract, times,
+    Matrix, Spatial, Vector, add, cross, cross_add, dot, negate, scale, scale_add, subtract, times,
     transposed_times, zero,
 };
 use crate::Scalar;
@@ -18,6 +19,8 @@ pub struct Articulated<D> {
     mixed: Matrix<D>,
     /// From linear acceleration to force.
     linear: [D; 6],
+    /// ∫ dm and ∫ r·r dm, of the body and all that it carries: what rounding in I^A is measured by.
+    size: [D; 2],
     /// p^A
     bias: Spatial<D>,
     /// V̇_joint at zero joint acceleration, c = V_parent × V.
@@ -36,6 +39,7 @@ impl<D: Scalar> Articulated<D> {
             angular: [D::zero(); 6],
             mixed: [zero(); 3],
             linear: [D::zero(); 6],
+            size: [D::zero(); 2],
             bias: Spatial::zero(),
             drift: Spatial::zero(),
             reaction: Spatial::zero(),
@@ -85,6 +89,9 @@ impl<D: Scalar> Articulated<D> {
         for (to, from) in self.mixed.iter_mut().zip(&other.mixed) {
             *to = add(to, from);
         }
+        for (to, from) in self.size.iter_mut().zip(&other.size) {
+            *to = *to + *from;
+        }
         self.bias = self.bias.plus(&other.bias);
     }
 }
@@ -95,6 +102,8 @@ impl<D: Scalar> Articulated<D> {
 ///
 /// - U = I^A S, D = S · U, u = Q − S · p^A
 /// - to the parent: I^A − U Uᵀ / D, and p^A + (I^A − U Uᵀ / D) c + U u / D;
+///
+/// (a D that is rounding is no number: the joint has nothing of its own to accelerate);
 ///
 /// then from the base outward v̇ = (u − U · (V̇_parent + c)) / D. A floating joint hands over its Q and nothing else. (Featherstone
 /// 2008, §7.3, here with all vectors in one frame.)
@@ -120,7 +129,11 @@ pub fn forward_dynamics<D: Scalar>(
             Freedom::Turn | Freedom::Slide => {
                 let s = &axes[body.first].s;
                 here.reaction = here.times_add(s, &Spatial::zero());
-                here.pivot = D::constant(1.0) / s.dot(&here.reaction);
+                let [mass, spread] = here.size;
+                let turned = dot(&s.angular, &s.angular) * spread;
+                let size = dot(&s.linear, &s.linear).times_plus(mass, turned);
+                let pivot = s.dot(&here.reaction);
+                here.pivot = pivot.inverse_above(size * LEAST_PIVOT);
                 here.push = out[body.v] - s.dot(&here.bias);
                 let Some(parent) = body.parent else { continue };
                 let left = here.give_way(here.bias);
@@ -210,6 +223,7 @@ fn rigid<D: Scalar>(plan: &Plan, state: &State<D>, moved: &[Moved<D>], i: usize)
         angular: [o; 6],
         mixed: [zero(); 3],
         linear: [o; 6],
+        size: [o; 2],
         bias: Spatial::zero(),
         drift: Spatial::zero(),
         reaction: Spatial::zero(),
@@ -225,6 +239,7 @@ fn rigid<D: Scalar>(plan: &Plan, state: &State<D>, moved: &[Moved<D>], i: usize)
     rigid.angular = [yy + zz, xx + zz, xx + yy, -xy, -xz, -yz];
     let [x, y, z] = sums.moment;
     rigid.mixed = [[o, z, -y], [-z, o, x], [y, -x, o]];
+    rigid.size = [sums.mass, xx + yy + zz];
     rigid.linear = [sums.mass, sums.mass, sums.mass, o, o, o];
     let velocity = &moved[i].velocity;
     let (w, u) = (&velocity.angular, &velocity.linear);

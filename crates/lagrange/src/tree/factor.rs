@@ -3,16 +3,23 @@
 use super::plan::Plan;
 use crate::Scalar;
 
-/// M = Lᵀ D L with a unit lower triangle L in the order of [`Plan::dofs`], in place: D on the diagonal of `m` (row after row), L below
-/// it. The zeros of M, between joints of which none carries the other, are zeros of L. (Featherstone 2008, §6.5.)
+/// What is left of a diagonal entry of M when all that it carries may give way: less than this part of it is rounding.
+pub const LEAST_PIVOT: f64 = 1e-13;
+
+/// M = Lᵀ D L with a unit lower triangle L in the order of [`Plan::dofs`], in place: D⁻¹ on the diagonal of `m` (row after row), L below
+/// it; NaN on the diagonal where M has no inverse. The zeros of M, between joints of which none carries the other, are zeros of L. (Featherstone 2008, §6.5.)
 ///
-/// For joints of which none follows another.
+/// For joints of which none follows another. `whole` is memory for as many numbers as there are degrees of freedom.
 #[inline(always)]
-pub fn factor<D: Scalar>(plan: &Plan, m: &mut [D]) {
+pub fn factor<D: Scalar>(plan: &Plan, m: &mut [D], whole: &mut [D]) {
     let n = plan.dofs.len();
+    for (k, entry) in whole.iter_mut().enumerate() {
+        *entry = m[k * n + k];
+    }
     for k in (0..n).rev() {
         let (rest, row) = m.split_at_mut(k * n);
-        let pivot = D::constant(1.0) / row[k];
+        let pivot = row[k].inverse_above(whole[k] * LEAST_PIVOT);
+        row[k] = pivot;
         let mut at = plan.dofs[k].above;
         while let Some(i) = at {
             let ratio = row[i] * pivot;
@@ -67,7 +74,7 @@ fn solve_columns<D: Scalar, R: Scalar + From<D>, const COUNT: usize>(
     }
     // L X = D⁻¹ Y: x_k = y_k / D_k − Σ L_ki x_i over all i that carry k.
     for k in 0..n {
-        let pivot = R::from(D::constant(1.0) / m[k * n + k]);
+        let pivot = R::from(m[k * n + k]);
         let mut sum = [R::zero(); COUNT];
         sum.copy_from_slice(&rows[k * width + first..][..COUNT]);
         for x in &mut sum {

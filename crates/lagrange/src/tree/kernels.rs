@@ -31,8 +31,14 @@ fn load<T: Width, const F: bool>(to: &mut [T::Number<F>], from: &[T]) {
 }
 
 impl<T: Width> At<'_, T> {
+    /// The state into the memory of its width.
     #[inline(always)]
-    fn load<const F: bool>(&self, plan: &Plan, memory: &mut TreeMemory<T::Number<F>>) {
+    fn load<'m, const F: bool>(
+        &self,
+        plan: &Plan,
+        memory: &'m mut Memory<F>,
+    ) -> &'m mut TreeMemory<T::Number<F>> {
+        let memory = T::memory(memory);
         let state = &mut memory.state;
         load::<T, F>(&mut state.q, self.q);
         load::<T, F>(&mut state.v, self.v);
@@ -40,6 +46,47 @@ impl<T: Width> At<'_, T> {
             *to = Scalar::constant(*from);
         }
         state.turn(plan);
+        memory
+    }
+}
+
+impl<D: Scalar> TreeMemory<D> {
+    /// Motions and sums at the loaded state.
+    #[inline(always)]
+    fn compose<const LEVEL: u8>(&mut self, plan: &Plan) -> (&[Axis<D>], &[Sums<D>]) {
+        let TreeMemory {
+            state,
+            moved,
+            axes,
+            sums,
+            ..
+        } = self;
+        motion::<_, LEVEL>(plan, state, moved, axes);
+        composite::<_, LEVEL>(plan, state, moved, sums);
+        (axes, sums)
+    }
+
+    /// Q at the loaded state.
+    #[inline(always)]
+    fn inverse(&mut self, plan: &Plan) -> &[D] {
+        let TreeMemory {
+            state,
+            links,
+            force,
+            ..
+        } = self;
+        inverse_dynamics::inverse_dynamics(plan, state, links, force);
+        force
+    }
+}
+
+#[inline(always)]
+fn store<'a, T: Width, const F: bool>(
+    to: impl IntoIterator<Item = &'a mut T>,
+    from: &[T::Number<F>],
+) {
+    for (to, from) in to.into_iter().zip(from) {
+        *to = T::drop(*from);
     }
 }
 
@@ -53,22 +100,12 @@ pub struct InverseDynamics<'a, T> {
 impl<T: Width> Kernel for InverseDynamics<'_, T> {
     #[inline(always)]
     fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
-        let memory = T::memory(memory);
-        self.at.load::<F>(plan, memory);
+        let memory = self.at.load::<F>(plan, memory);
         match self.a {
             Some(a) => load::<T, F>(&mut memory.state.a, a),
             None => memory.state.a.fill(Scalar::zero()),
         }
-        let TreeMemory {
-            state,
-            links,
-            force,
-            ..
-        } = memory;
-        inverse_dynamics::inverse_dynamics(plan, state, links, force);
-        for (to, from) in self.out.iter_mut().zip(force) {
-            *to = T::drop(*from);
-        }
+        store::<T, F>(self.out, memory.inverse(plan));
     }
 }
 
@@ -81,17 +118,8 @@ pub struct MassMatrix<'a, T> {
 impl<T: Width> Kernel for MassMatrix<'_, T> {
     #[inline(always)]
     fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
-        let memory = T::memory(memory);
-        self.at.load::<F>(plan, memory);
-        let TreeMemory {
-            state,
-            moved,
-            axes,
-            sums,
-            ..
-        } = memory;
-        motion::<_, POSITION>(plan, state, moved, axes);
-        composite::<_, POSITION>(plan, state, moved, sums);
+        let memory = self.at.load::<F>(plan, memory);
+        let (axes, sums) = memory.compose::<POSITION>(plan);
         let mut out = sink::Mass::<T, F>(Columns::new(plan, self.mass));
         matrices::mass_matrix(plan, axes, sums, &mut out);
     }
@@ -106,20 +134,10 @@ pub struct GravityForce<'a, T> {
 impl<T: Width> Kernel for GravityForce<'_, T> {
     #[inline(always)]
     fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
-        let memory = T::memory(memory);
-        self.at.load::<F>(plan, memory);
+        let memory = self.at.load::<F>(plan, memory);
         memory.state.v.fill(Scalar::zero());
         memory.state.a.fill(Scalar::zero());
-        let TreeMemory {
-            state,
-            links,
-            force,
-            ..
-        } = memory;
-        inverse_dynamics::inverse_dynamics(plan, state, links, force);
-        for (to, from) in self.out.iter_mut().zip(force) {
-            *to = T::drop(*from);
-        }
+        store::<T, F>(self.out, memory.inverse(plan));
     }
 }
 
@@ -134,24 +152,15 @@ pub struct Equations<'a, T> {
 impl<T: Width> Kernel for Equations<'_, T> {
     #[inline(always)]
     fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
-        let memory = T::memory(memory);
-        self.at.load::<F>(plan, memory);
-        let TreeMemory {
-            state,
-            moved,
-            axes,
-            sums,
-            ..
-        } = memory;
-        motion::<_, VELOCITY>(plan, state, moved, axes);
-        composite::<_, VELOCITY>(plan, state, moved, sums);
+        let memory = self.at.load::<F>(plan, memory);
+        let gravity = gravity(plan, &memory.state);
+        let (axes, sums) = memory.compose::<VELOCITY>(plan);
         let mut out = sink::Terms::<T, F> {
             mass: Columns::new(plan, self.mass),
             coriolis: Columns::new(plan, self.coriolis),
             gravity: Columns::new(plan, self.gravity),
         };
         matrices::mass_and_coriolis(plan, axes, sums, &mut out);
-        let gravity = gravity(plan, state);
         matrices::gravity_force(plan, &gravity, axes, sums, &mut out);
     }
 }
@@ -165,17 +174,8 @@ pub struct CoriolisMatrix<'a, T> {
 impl<T: Width> Kernel for CoriolisMatrix<'_, T> {
     #[inline(always)]
     fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
-        let memory = T::memory(memory);
-        self.at.load::<F>(plan, memory);
-        let TreeMemory {
-            state,
-            moved,
-            axes,
-            sums,
-            ..
-        } = memory;
-        motion::<_, VELOCITY>(plan, state, moved, axes);
-        composite::<_, VELOCITY>(plan, state, moved, sums);
+        let memory = self.at.load::<F>(plan, memory);
+        let (axes, sums) = memory.compose::<VELOCITY>(plan);
         let mut out = sink::Coriolis::<T, F>(Columns::new(plan, self.coriolis));
         matrices::mass_and_coriolis(plan, axes, sums, &mut out);
     }
@@ -191,8 +191,7 @@ pub struct ForwardDynamics<'a, T> {
 impl<T: Width> Kernel for ForwardDynamics<'_, T> {
     #[inline(always)]
     fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
-        let memory = T::memory(memory);
-        self.at.load::<F>(plan, memory);
+        let memory = self.at.load::<F>(plan, memory);
         load::<T, F>(&mut memory.force, self.force);
         let TreeMemory {
             state,
@@ -203,9 +202,7 @@ impl<T: Width> Kernel for ForwardDynamics<'_, T> {
             ..
         } = memory;
         articulated::forward_dynamics(plan, state, moved, axes, articulated, force);
-        for (to, from) in self.force.iter_mut().zip(force) {
-            *to = T::drop(*from);
-        }
+        store::<T, F>(self.force, force);
     }
 }
 
@@ -219,8 +216,7 @@ pub struct ForwardDynamicsByMass<'a, T> {
 impl<T: Width> Kernel for ForwardDynamicsByMass<'_, T> {
     #[inline(always)]
     fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
-        let memory = T::memory(memory);
-        self.at.load::<F>(plan, memory);
+        let memory = self.at.load::<F>(plan, memory);
         load::<T, F>(&mut memory.force, self.force);
         let TreeMemory {
             state,
@@ -234,9 +230,7 @@ impl<T: Width> Kernel for ForwardDynamicsByMass<'_, T> {
             ..
         } = memory;
         accelerate(plan, state, (links, moved, axes, sums), (mass, rows), force);
-        for (to, from) in self.force.iter_mut().zip(&state.a) {
-            *to = T::drop(*from);
-        }
+        store::<T, F>(self.force, &state.a);
     }
 }
 
@@ -258,11 +252,12 @@ fn accelerate<D: Scalar>(
     let n = plan.dofs.len();
     state.a.fill(D::zero());
     let (bias, rows) = rows.split_at_mut(n);
+    let (whole, rows) = rows.split_at_mut(n);
     inverse_dynamics::inverse_dynamics(plan, state, links, bias);
     motion::<_, POSITION>(plan, state, moved, axes);
     composite::<_, POSITION>(plan, state, moved, sums);
     mass_by_dofs(plan, axes, sums, mass);
-    factor::factor(plan, mass);
+    factor::factor(plan, mass, whole);
     for (row, dof) in rows.iter_mut().zip(&plan.dofs) {
         *row = force[dof.v] - bias[dof.v];
     }
@@ -297,18 +292,9 @@ pub struct InverseDerivatives<'a, T> {
 impl<T: Width> Kernel for InverseDerivatives<'_, T> {
     #[inline(always)]
     fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
-        let memory = T::memory(memory);
-        self.at.load::<F>(plan, memory);
+        let memory = self.at.load::<F>(plan, memory);
         load::<T, F>(&mut memory.state.a, self.a);
-        let TreeMemory {
-            state,
-            moved,
-            axes,
-            sums,
-            ..
-        } = memory;
-        motion::<_, ACCELERATION>(plan, state, moved, axes);
-        composite::<_, ACCELERATION>(plan, state, moved, sums);
+        let (axes, sums) = memory.compose::<ACCELERATION>(plan);
         let mut out = sink::Derivatives::<T, F> {
             plan,
             by_q: Columns::new(plan, self.by_q),
@@ -332,10 +318,8 @@ impl Kernel for ForwardDerivatives<'_> {
     #[inline(always)]
     fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
         let n = plan.dofs.len();
-        let Memory {
-            one: memory, sides, ..
-        } = memory;
         self.at.load::<F>(plan, memory);
+        let Memory { one, sides, .. } = memory;
         let TreeMemory {
             state,
             links,
@@ -346,7 +330,7 @@ impl Kernel for ForwardDerivatives<'_> {
             mass,
             rows,
             ..
-        } = memory;
+        } = one;
         load::<f64, F>(force, self.force);
         accelerate(plan, state, (links, moved, axes, sums), (mass, rows), force);
         for (to, from) in self.force.iter_mut().zip(&state.a) {
@@ -382,8 +366,7 @@ pub struct ByMassScale<'a> {
 impl Kernel for ByMassScale<'_> {
     #[inline(always)]
     fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
-        let memory = f64::memory(memory);
-        self.at.load::<F>(plan, memory);
+        let memory = self.at.load::<F>(plan, memory);
         load::<f64, F>(&mut memory.state.a, self.a);
         let TreeMemory {
             state, moved, axes, ..
@@ -442,8 +425,7 @@ pub struct InverseGradient<'a, T> {
 impl<T: Width> Kernel for InverseGradient<'_, T> {
     #[inline(always)]
     fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
-        let memory = T::memory(memory);
-        self.at.load::<F>(plan, memory);
+        let memory = self.at.load::<F>(plan, memory);
         load::<T, F>(&mut memory.state.a, self.a);
         load::<T, F>(&mut memory.force, self.weight);
         let TreeMemory {
@@ -457,9 +439,7 @@ impl<T: Width> Kernel for InverseGradient<'_, T> {
         } = memory;
         let products = weigh(plan, state, (moved, axes), force, weighed, rows);
         let outs = [self.by_q, self.by_v, self.by_a, self.by_p];
-        for (to, from) in outs.into_iter().flatten().zip(products) {
-            *to = T::drop(*from);
-        }
+        store::<T, F>(outs.into_iter().flatten(), products);
     }
 }
 
@@ -506,8 +486,7 @@ impl<T: Width> Kernel for ForwardGradient<'_, T> {
     #[inline(always)]
     fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
         let n = plan.dofs.len();
-        let memory = T::memory(memory);
-        self.at.load::<F>(plan, memory);
+        let memory = self.at.load::<F>(plan, memory);
         let TreeMemory {
             state,
             links,
@@ -522,9 +501,7 @@ impl<T: Width> Kernel for ForwardGradient<'_, T> {
         } = memory;
         load::<T, F>(force, self.force);
         accelerate(plan, state, (links, moved, axes, sums), (mass, rows), force);
-        for (to, from) in self.force.iter_mut().zip(&state.a) {
-            *to = T::drop(*from);
-        }
+        store::<T, F>(self.force, &state.a);
         for (row, dof) in rows.iter_mut().zip(&plan.dofs) {
             *row = self.weight[dof.v].lift();
         }

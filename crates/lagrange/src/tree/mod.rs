@@ -35,6 +35,7 @@ pub mod vector;
 
 pub use dispatch::Machine;
 pub use engine::Engine;
+pub use factor::LEAST_PIVOT;
 pub use general::equations;
 pub use kernels::At;
 pub(crate) use plan::Freedom;
