@@ -220,13 +220,9 @@ impl<const F: bool> Scalar for Lanes<F> {
     #[inline(always)]
     fn inverse_above(self, floor: Self) -> Self {
         let mut out = [f64::NAN; LANES];
-        for k in 0..LANES {
-            let inverse = 1.0 / self.0[k];
-            out[k] = if self.0[k] > floor.0[k] {
-                inverse
-            } else {
-                f64::NAN
-            };
+        for (out, (x, floor)) in out.iter_mut().zip(self.0.iter().zip(&floor.0)) {
+            let inverse = 1.0 / x;
+            *out = if x > floor { inverse } else { f64::NAN };
         }
         Lanes(out)
     }

@@ -37,7 +37,7 @@
 //! [`Constrained::new`] looks at the rank of J at several configurations on φ = 0. Equations that follow from the others everywhere
 //! (the one across the plane of a planar linkage) are dropped and named by [`Constrained::dropped`]; equations that no
 //! configuration satisfies are an error. Where the rank falls at single configurations (a dead centre), λ is not determined: the
-//! forward dynamics returns [`Error::SingularConstraint`](crate::Error::SingularConstraint) there, which names equation and q.
+//! forward dynamics returns [`Error::SingularConstraint`] there, which names equation and q.
 
 mod constrained;
 mod derivatives;

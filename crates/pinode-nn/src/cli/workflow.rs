@@ -49,7 +49,7 @@ pub struct Finished {
 /// new folder is left.
 ///
 /// # Errors
-/// Those of [`diagnose`]; [`Error::OverwritesInput`], [`Error::Io`].
+/// Those of [`diagnose`](crate::diagnose::diagnose); [`Error::OverwritesInput`], [`Error::Io`].
 pub fn run(task: &Task, output: &Output) -> Result<Finished, Error> {
     let model = task.out.join("model.toml");
     // Said before the work, not after it.
