@@ -319,11 +319,11 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         out: &mut DVector<f64>,
     ) -> Result<(), Error> {
         let solved = match self.joint_by_joint(work) {
-            Some((engine, machine)) if self.program(Quantity::Equations).is_none() => {
+            Some((engine, machine)) => {
                 engine.forward_dynamics(At { q, v, p }, machine, out.as_mut_slice());
                 out.iter().all(|a| a.is_finite())
             }
-            _ => self.forward_dynamics_by_factor(q, v, p, work, out),
+            None => self.forward_dynamics_by_factor(q, v, p, work, out),
         };
         if solved {
             return Ok(());

@@ -118,7 +118,8 @@ pub trait Mechanics: Send + Sync {
 
     /// v̇ and its derivatives in q, v, the generalized force Q = `force` and the constants with the given indices:
     ///
-    /// ∂v̇/∂x = −M⁻¹ ∂(M v̇ + C v + G)/∂x at fixed v̇, and ∂v̇/∂Q = M⁻¹.
+    /// ∂v̇/∂x = −M⁻¹ ∂(M v̇ + C v + G)/∂x at fixed v̇, and ∂v̇/∂Q = M⁻¹. The v̇ is that of
+    /// [`forward_dynamics_into`](Self::forward_dynamics_into), on large trees to rounding.
     #[allow(clippy::too_many_arguments)]
     fn forward_dynamics_derivatives_into(
         &self,

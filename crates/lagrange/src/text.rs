@@ -116,6 +116,7 @@ impl std::error::Error for TextProblem {}
 ///     kinetic: "0.5*m*l^2*phi_dot^2".into(),
 ///     potential: "-m*g*l*cos(phi)".into(),
 ///     parameters: vec![("m".into(), 2.0), ("l".into(), 0.5), ("g".into(), 9.81)],
+///     ..TextSource::default()
 /// })
 /// .map_err(|problems| problems[0].clone())?;
 /// assert_eq!(pendulum.kinetic(&[0.3], &[4.0]), 4.0);
