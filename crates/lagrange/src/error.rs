@@ -203,6 +203,17 @@ pub enum Error {
         /// Where the search ended.
         q: Vec<f64>,
     },
+    /// The numbers of a constraint are too large or too small to compute with.
+    #[error(
+        "constraint `{name}`: ∂φ/∂q is {gradient:e} at most, and must lie between 1e-12 and 1e100 to be told from rounding; \
+         multiply the equation by a factor that brings it near 1, or leave it out if no motion changes it"
+    )]
+    ConstraintScale {
+        /// The equation with the largest gradient.
+        name: String,
+        /// The largest entry of its row of ∂φ/∂q at the configurations looked at.
+        gradient: f64,
+    },
     /// A constraint or its derivative is NaN or infinite.
     #[error(
         "∂φ/∂q is not finite at q = {q:?} (equation `{name}` or one after it): the formula has a singular point there"

@@ -9,6 +9,7 @@ use nalgebra::{DMatrix, DVector};
 const G: f64 = 9.81;
 
 /// Point masses in a vertical plane, q = (x₁, z₁, x₂, z₂, …).
+#[derive(Debug)]
 struct Masses(Vec<f64>);
 
 impl Lagrangian for Masses {
@@ -338,4 +339,61 @@ fn a_mass_matrix_that_depends_on_velocity_is_taken_as_it_is() {
     let tension = m * (G * cos + gamma * l * rate * rate);
     assert!((multipliers[0] + tension).abs() < 1e-10, "{multipliers}");
     check_derivatives(&fast, (&q, &v, &[0.3, -0.2]), 1e-6);
+}
+
+/// Two masses in a plane under factor · (x₀ − shift), or under what is 0 whatever q is.
+#[derive(Debug)]
+struct Scaled {
+    factor: f64,
+    shift: f64,
+}
+impl Constraint for Scaled {
+    fn len(&self) -> usize {
+        1
+    }
+    fn residual<D: Scalar>(&self, q: &[D], out: &mut [D]) {
+        out[0] = (q[0] - self.shift) * self.factor;
+    }
+}
+
+#[test]
+fn a_mechanism_whose_every_constraint_is_redundant_moves_freely() {
+    let always = Scaled {
+        factor: 0.0,
+        shift: 0.0,
+    };
+    let free = Dynamics::of(Masses(vec![2.0]));
+    let constrained = Constrained::new(free, always).unwrap();
+    assert!(constrained.names().is_empty() && constrained.dropped()[0].always);
+    let (q, v, force) = ([0.3, -0.2], [1.0, 2.0], [0.5, 0.1]);
+    assert_eq!(
+        constrained.project(&q, &v).unwrap(),
+        (q.to_vec(), v.to_vec())
+    );
+    let free = constrained.free().forward_dynamics(&q, &v, &force).unwrap();
+    let (a, multipliers) = constrained
+        .forward_dynamics_with_multipliers(&q, &v, &force)
+        .unwrap();
+    assert!((a - &free).amax() < 1e-12 && multipliers.is_empty());
+    let a = constrained.forward_dynamics(&q, &v, &force).unwrap();
+    assert!((a - free).amax() < 1e-12);
+}
+
+#[test]
+fn an_equation_in_odd_units_is_kept_or_refused_and_not_called_redundant() {
+    for factor in [1e-9, 1e-3, 1e20, 1e80] {
+        let free = Dynamics::of(Masses(vec![2.0]));
+        let constrained = Constrained::new(free, Scaled { factor, shift: 1.0 }).unwrap();
+        assert!(constrained.dropped().is_empty(), "{factor:e}");
+        let (q, v) = constrained.project(&[0.3, -0.2], &[1.0, 2.0]).unwrap();
+        assert!((q[0] - 1.0).abs() < 1e-9 && v[0].abs() < 1e-9, "{factor:e}");
+    }
+    for factor in [1e-300, 1e-30, 1e200] {
+        let free = Dynamics::of(Masses(vec![2.0]));
+        let error = Constrained::new(free, Scaled { factor, shift: 1.0 }).unwrap_err();
+        assert!(
+            matches!(&error, Error::ConstraintScale { gradient, .. } if *gradient == factor),
+            "{error}"
+        );
+    }
 }

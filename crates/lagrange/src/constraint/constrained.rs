@@ -36,8 +36,8 @@ impl<M: Mechanics, C: Constraint> Constrained<M, C> {
     /// some others.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] when no configuration with φ = 0 is found, [`Error::ConstrainedTwice`] when `free` has constraints
-    /// already.
+    /// [`Error::Inconsistent`] when no configuration with φ = 0 is found, [`Error::ConstraintScale`] when ∂φ/∂q is all but 0 or huge,
+    /// [`Error::ConstrainedTwice`] when `free` has constraints already.
     pub fn new(free: M, constraint: C) -> Result<Self, Error> {
         let neutral = crate::state::neutral(free.coordinates());
         Self::near(free, constraint, &neutral)
@@ -371,9 +371,10 @@ impl<M: Mechanics, C: Constraint> Mechanics for Constrained<M, C> {
         Some(self)
     }
 
-    /// M, C and G of the mechanism without its constraints, as they stand in M v̇ + C v + G = Q + Jᵀλ.
+    /// M, C and G of the mechanism without its constraints, as they stand in M v̇ + C v + G = Q + Jᵀλ; the pages and the code made of
+    /// them name the constraints.
     fn formulas(&self, bound: &[Option<f64>]) -> Result<Formulas, FormulasError> {
-        self.free.formulas(bound)
+        Ok(self.free.formulas(bound)?.under(&self.names))
     }
 
     fn kinetic_energy_with(&self, q: &[f64], v: &[f64], p: &[f64]) -> f64 {

@@ -13,8 +13,10 @@ use crate::{Error, Mechanics};
 const STARTS: usize = 4;
 /// An equation depends on others where the square of the sine between its row of J and their span is less than this.
 const DEPENDENT: f64 = 1e-12;
-/// A row shorter than this part of the longest is 0.
+/// A row shorter than this, and than this part of the longest, is 0: that is what rounding leaves of a loop across a plane.
 const SHORTEST: f64 = 1e-10;
+/// Where all of ∂φ/∂q is smaller, or some of it is larger, φ cannot be told from rounding or its squares are beyond the range of numbers.
+const GRADIENTS: (f64, f64) = (1e-12, 1e100);
 
 /// An equation that the others imply, and that is therefore left out.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -24,7 +26,7 @@ pub struct Dropped {
     pub equation: usize,
     /// Its name.
     pub name: String,
-    /// Whether no motion at all changes it: its row of J is 0. Else the other equations imply it.
+    /// Whether no motion changes it: its row of J is 0, or next to the others' nothing but rounding. Else the other equations imply it.
     pub always: bool,
 }
 
@@ -98,15 +100,19 @@ pub(super) fn find<M: Mechanics, C: Constraint>(
     let p = free.nominal();
     let mut search = Search::new(free, &kinematics, &[], &p);
 
+    let starts: Vec<Vec<f64>> = (0..=STARTS)
+        .map(|seed| match seed {
+            0 => start.to_vec(),
+            // Over the whole circle for the later ones.
+            _ => aside(&search, start, seed, 0.8 * seed as f64),
+        })
+        .collect();
+    measurable(&mut search, &starts)?;
+
     let mut closed = Vec::new();
     let mut best: Option<Open> = None;
-    for seed in 0..=STARTS {
-        // Over the whole circle for the later ones.
-        let from = match seed {
-            0 => start.to_vec(),
-            _ => aside(&search, start, seed, 0.8 * seed as f64),
-        };
-        match search.position(&from) {
+    for from in &starts {
+        match search.position(from) {
             Ok(q) => closed.push(q),
             Err(open) => {
                 let norm = open.residual.norm();
@@ -136,7 +142,7 @@ pub(super) fn find<M: Mechanics, C: Constraint>(
     let dropped = all.iter().filter(|e| !kept.contains(e)).map(|&equation| {
         let still = |r: &DMatrix<f64>| {
             let longest = r.row_iter().map(|row| row.norm()).fold(0.0, f64::max);
-            r.row(equation).norm() <= SHORTEST * longest
+            r.row(equation).norm() <= SHORTEST * longest.min(1.0)
         };
         Dropped {
             equation,
@@ -147,6 +153,33 @@ pub(super) fn find<M: Mechanics, C: Constraint>(
     Ok(Independent {
         dropped: dropped.collect(),
         kept,
+    })
+}
+
+/// Refuses equations whose gradients no search can work with, as seen at `places`; rows of zeros are left to the rank.
+fn measurable<M: Mechanics, C: Constraint>(
+    search: &mut Search<M, C>,
+    places: &[Vec<f64>],
+) -> Result<(), Error> {
+    let constraint = search.kinematics.constraint;
+    let mut largest = vec![0.0_f64; constraint.len()];
+    for q in places {
+        let jacobian = search.jacobian(q);
+        for (largest, row) in largest.iter_mut().zip(jacobian.row_iter()) {
+            let finite = row.iter().filter(|x| x.is_finite());
+            *largest = finite.fold(*largest, |most, x| most.max(x.abs()));
+        }
+    }
+    let (equation, most) = largest
+        .into_iter()
+        .enumerate()
+        .fold((0, 0.0), |a, b| if b.1 > a.1 { b } else { a });
+    if most == 0.0 || (GRADIENTS.0..=GRADIENTS.1).contains(&most) {
+        return Ok(());
+    }
+    Err(Error::ConstraintScale {
+        name: constraint.name(equation),
+        gradient: most,
     })
 }
 
@@ -166,7 +199,7 @@ fn pivots(places: &[DMatrix<f64>]) -> Vec<usize> {
         for (rest, whole) in rest.iter().zip(&whole) {
             let longest = whole.iter().copied().fold(0.0, f64::max);
             for (i, row) in rest.row_iter().enumerate() {
-                if whole[i] > SHORTEST * SHORTEST * longest {
+                if whole[i] > SHORTEST * SHORTEST * longest.min(1.0) {
                     scores[i] += row.norm_squared() / whole[i] / places.len() as f64;
                 }
             }

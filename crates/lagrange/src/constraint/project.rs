@@ -98,7 +98,7 @@ impl<'a, M: Mechanics, C: Constraint> Search<'a, M, C> {
     }
 
     /// J at `q`, the columns that may move.
-    fn jacobian(&mut self, q: &[f64]) -> DMatrix<f64> {
+    pub fn jacobian(&mut self, q: &[f64]) -> DMatrix<f64> {
         self.kinematics.jacobian(q, self.p, &mut self.room);
         self.room.jacobian.select_columns(&self.movable)
     }
@@ -135,6 +135,10 @@ impl<'a, M: Mechanics, C: Constraint> Search<'a, M, C> {
         let rows = self.rows(q);
         if rows.iter().chain(goal.iter()).any(|x| !x.is_finite()) {
             return None;
+        }
+        if rows.is_empty() {
+            // No equation in force, or nothing that may move: the least velocity is none.
+            return Some(DVector::zeros(self.free.nv()));
         }
         let svd = SVD::new(rows, true, true);
         let largest = svd.singular_values.iter().copied().fold(0.0, f64::max);

@@ -142,6 +142,9 @@ fn document(model: &Model) -> Value {
                 "type": joint.kind.name(),
                 "parent": joint.parent,
                 "child": joint.child,
+                "follows": joint.mimic.as_ref().filter(|_| joint.follows).map(|m| json!({
+                    "joint": m.leader, "multiplier": m.multiplier, "offset": m.offset,
+                })),
             })
         })
         .collect();
@@ -187,9 +190,16 @@ fn text(model: &Model) -> String {
     if let Some(tree) = &model.tree {
         let _ = writeln!(out, "\njoints:");
         for joint in tree.joints() {
+            let follows = match joint.mimic.as_ref().filter(|_| joint.follows) {
+                Some(mimic) => format!(
+                    ", follows {}: {} times its position + {}",
+                    mimic.leader, mimic.multiplier, mimic.offset
+                ),
+                None => String::new(),
+            };
             let _ = writeln!(
                 out,
-                "  {}: {}, {} -> {}",
+                "  {}: {}, {} -> {}{follows}",
                 joint.name,
                 joint.kind.name(),
                 joint.parent,
@@ -255,7 +265,8 @@ fn text(model: &Model) -> String {
     }
     let count: usize = model.warnings.iter().map(|w| w.list.len()).sum();
     if count > 0 {
-        let _ = writeln!(out, "\n{count} warnings:");
+        let plural = if count == 1 { "" } else { "s" };
+        let _ = writeln!(out, "\n{count} warning{plural}:");
         for warnings in &model.warnings {
             let _ = writeln!(out, "{warnings}");
         }

@@ -87,7 +87,10 @@ pub(super) fn join<M: Mechanics + 'static, C: Constraint + 'static>(
         Err(e) => {
             // The equation that the error names is the place to look at.
             let culprit = match &e {
-                lagrange::Error::Inconsistent { name, .. } => whole.iter().position(|n| n == name),
+                lagrange::Error::Inconsistent { name, .. }
+                | lagrange::Error::ConstraintScale { name, .. } => {
+                    whole.iter().position(|n| n == name)
+                }
                 _ => None,
             };
             faults.at(describe(culprit.unwrap_or(0)).1, e.to_string());

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::Formulas;
 use super::form::{Form, Symbol};
-use super::names::identifier;
+use super::names::function_name;
 use super::write::{Notation, Writer};
 
 /// One line of what the function computes: where to, and what.
@@ -16,10 +16,10 @@ struct Assignment<'a> {
 impl Formulas {
     /// A stand-alone Rust file with a struct `Equations` and a function `name(q, v, p) -> Equations`: M, C (where there is one), G,
     /// C v + G and the energies. It needs nothing but `std`. `p` are the constants that have kept their names, in their order; without
-    /// any there is no such argument.
+    /// any there is no such argument. A `name` that is a keyword, or a function of `math.h`, gets `_model` behind it.
     pub fn emit_rust(&self, name: &str) -> String {
         let (n, nq) = (self.sizes.nv, self.sizes.nq);
-        let name = identifier(name).to_lowercase();
+        let name = function_name(name);
         let mut text = self.header("//");
         let field =
             |doc: &str, name: &str, kind: &str| format!("    /// {doc}\n    pub {name}: {kind},\n");
@@ -93,10 +93,11 @@ impl Formulas {
     }
 
     /// A stand-alone C99 file with a function `void name(q, v, p, M, C, G, bias, energy)`, which needs `math.h` alone. Without a C, or
-    /// without constants that have kept their names, there is no such argument; `energy` holds T and V.
+    /// without constants that have kept their names, there is no such argument; `energy` holds T and V. The name is
+    /// the one that [`emit_rust`](Self::emit_rust) gives.
     pub fn emit_c(&self, name: &str) -> String {
         let (n, nq) = (self.sizes.nv, self.sizes.nq);
-        let name = identifier(name).to_lowercase();
+        let name = function_name(name);
         let mut text = self.header("//");
         let free = self.free_constants().len();
         let p = if free > 0 {
@@ -156,10 +157,17 @@ impl Formulas {
         };
         line("Equations of motion, written by pinode; SI units.");
         line(if self.quadratic {
-            "M(q) dv/dt + C(q, v) v + G(q) = Q, with Christoffel's C and G = +dV/dq on the left-hand side."
+            if self.names.floating.is_empty() {
+                "M(q) dv/dt + C(q, v) v + G(q) = Q, with Christoffel's C and G = +dV/dq on the left-hand side."
+            } else {
+                "M(q) dv/dt + C(q, v) v + G(q) = Q, with dM/dt - 2 C skew; G, the slope of V along v, is on the left-hand side."
+            }
         } else {
             "M(q, v) dv/dt + bias(q, v) = Q. T is not quadratic in v: there is no matrix C."
         });
+        for note in self.notes() {
+            line(&note);
+        }
         line("");
         let list = |names: &[String]| names.join(", ");
         for (name, names) in [

@@ -118,6 +118,8 @@ pub struct Formulas {
     names: Names,
     sizes: Sizes,
     quadratic: bool,
+    /// Equations φ = 0 that the mechanism obeys beside these.
+    constraints: Vec<String>,
     /// What is written for people.
     readable: Block,
     /// What is written for compilers: short statements, every value computed once.
@@ -210,10 +212,17 @@ impl Formulas {
             names: Names::of(coordinates, parameters),
             sizes,
             quadratic,
+            constraints: Vec::new(),
             readable,
             code,
             nodes: graph.needed(&outputs),
         })
+    }
+
+    /// The same, saying that the mechanism obeys constraints of these names.
+    pub(crate) fn under(mut self, constraints: &[String]) -> Self {
+        self.constraints = constraints.to_vec();
+        self
     }
 
     /// Whether T is quadratic in v, so that there is a C.

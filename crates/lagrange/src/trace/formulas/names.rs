@@ -16,6 +16,8 @@ pub struct Names {
     pub velocities: Vec<String>,
     /// One for every constant.
     pub parameters: Vec<String>,
+    /// The poses among the coordinates.
+    pub floating: Vec<String>,
     /// What named subexpressions begin with.
     pub prefix: &'static str,
 }
@@ -27,6 +29,7 @@ impl Names {
             coordinates: Vec::new(),
             velocities: Vec::new(),
             parameters: Vec::new(),
+            floating: Vec::new(),
             prefix: "t",
         };
         // Constants that the energies name keep their names first.
@@ -43,6 +46,7 @@ impl Names {
                 let of = |part: &&str| format!("{stem}_{part}");
                 names.coordinates.extend(POSE.iter().map(of));
                 names.velocities.extend(TWIST.iter().map(of));
+                names.floating.push(stem);
             } else {
                 names
                     .velocities
@@ -120,5 +124,56 @@ pub fn identifier(wanted: &str) -> String {
         name
     } else {
         format!("q_{name}")
+    }
+}
+
+/// What a function must not be called: the keywords of Rust (2024) and C23, `main`, macros of C compilers, and what identifies nothing.
+const TAKEN: &str = " abstract as async await become box break const continue crate do dyn else enum extern false final fn for gen if \
+    impl in let loop macro match mod move mut override priv pub ref return self static struct super trait true try type typeof unsafe \
+    unsized use virtual where while yield \
+    alignas alignof asm auto bool case char constexpr default double float goto inline int long nullptr register restrict short signed \
+    sizeof static_assert switch thread_local typedef typeof_unqual union unsigned void volatile \
+    main linux unix _ ";
+
+/// The functions and macros of `math.h`, for `double`.
+const MATH_H: &str = " acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh drem erf erfc exp exp10 exp2 expm1 fabs fdim \
+    finite floor fma fmax fmin fmod fpclassify frexp gamma hypot ilogb infinity isfinite isgreater isgreaterequal isinf isless \
+    islessequal islessgreater isnan isnormal isunordered j0 j1 jn ldexp lgamma llrint llround log log10 log1p log2 logb lrint lround \
+    modf nan nearbyint nextafter nexttoward pow remainder remquo rint round scalb scalbln scalbn signbit signgam significand sin sincos \
+    sinh sqrt tan tanh tgamma trunc y0 y1 yn ";
+
+/// `wanted` as the name of a function in Rust and C: with `_model` behind it where one of them means something else by it.
+pub fn function_name(wanted: &str) -> String {
+    let name = identifier(wanted).to_lowercase();
+    let holds = |list: &str, name: &str| list.contains(&format!(" {name} "));
+    // sinf and sinl are sin in other precisions.
+    let stem = name.strip_suffix(['f', 'l']).unwrap_or(&name);
+    if holds(TAKEN, &name) || holds(MATH_H, &name) || holds(MATH_H, stem) {
+        name + "_model"
+    } else {
+        name
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::function_name;
+
+    #[test]
+    fn a_model_named_like_a_keyword_gives_a_function_that_compiles() {
+        for name in [
+            "double", "if", "fn", "self", "main", "Double", "SELF", "int", "match", "yield",
+            "while", "abstract", "yn", "expf", "_", "linux", "restrict", "unsafe", "try",
+        ] {
+            let expected = format!("{}_model", name.to_lowercase());
+            assert_eq!(function_name(name), expected);
+        }
+        // Those of the expressions' functions have a prefix of their own, unless they were written in capitals.
+        assert_eq!(function_name("sin"), "q_sin");
+        assert_eq!(function_name("SIN"), "sin_model");
+        for name in ["cartpole", "four_bar", "doubles", "model", "selfie"] {
+            assert_eq!(function_name(name), name);
+        }
+        assert_eq!(function_name("2 links"), "q_2_links");
     }
 }

@@ -71,6 +71,26 @@ impl Formulas {
         }
     }
 
+    /// What the equations leave out, and what v is where it is not q̇; a line each, in ASCII.
+    pub(super) fn notes(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        if !self.constraints.is_empty() {
+            notes.push(format!(
+                "The mechanism has constraints phi(q) = 0: {}.",
+                self.constraints.join(", ")
+            ));
+            notes.push(
+                "With them, M dv/dt + C v + G = Q + J^T lambda and J = dphi/dq; phi and J are not written here.".into(),
+            );
+        }
+        for name in &self.names.floating {
+            notes.push(format!(
+                "{name} floats: v is in the body's axes (linear, then angular), its quaternion w x y z has length 1, and dq/dt is not v."
+            ));
+        }
+        notes
+    }
+
     /// All formulas, one by one.
     pub fn written(&self, style: Style) -> Written {
         let text = |symbol: Symbol| self.names.text(symbol);
@@ -125,6 +145,24 @@ impl Formulas {
             "M(q, v) v̇ + b(q, v) = Q\n\nT is not quadratic in the velocities: M may depend on them, and there is no matrix C. The bias force b = \
              (∂²T/∂v∂q) v − ∂T/∂q + G stands for C v + G.\n\n"
         });
+        for note in self.notes() {
+            let symbols = [
+                ("J^T lambda", "Jᵀ λ"),
+                ("dv/dt", "v̇"),
+                ("dphi/dq", "∂φ/∂q"),
+                ("phi(q)", "φ(q)"),
+                ("phi and J", "φ and J"),
+                ("dq/dt", "q̇"),
+            ];
+            // Names of coordinates and constraints stay as they are: none has these symbols in it but by intent.
+            text += &symbols
+                .iter()
+                .fold(note, |note, (ascii, symbol)| note.replace(ascii, symbol));
+            text.push('\n');
+        }
+        if !self.notes().is_empty() {
+            text.push('\n');
+        }
         text += &format!("q = [{}]\n", written.coordinates.join(", "));
         text += &format!("v = [{}]\n", written.velocities.join(", "));
         if !self.parameters.is_empty() {
@@ -180,6 +218,9 @@ impl Formulas {
                 "M(q, v) dv/dt + b(q, v) = Q; T is not quadratic in v, so that there is no matrix C"
             }
         );
+        for note in self.notes() {
+            text += &format!("% {note}\n");
+        }
         text += &column("q", &written.coordinates);
         text += &column("v", &written.velocities);
         for (name, formula) in &written.definitions {
