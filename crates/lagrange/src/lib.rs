@@ -103,11 +103,27 @@
 //! Loops of a tree, formulas φ(q) = 0 beside a text, or a [`Constraint`](constraint::Constraint) in Rust make a mechanism a
 //! [`Constrained`](constraint::Constrained), which obeys M v̇ + C v + G = Q + Jᵀ λ: see [`constraint`].
 //!
+//! # Derivatives, parameters, many states
+//!
+//! | what | call |
+//! |---|---|
+//! | ∂v̇/∂q, ∂v̇/∂v, ∂v̇/∂Q = M⁻¹, ∂v̇/∂p, and the same of Q | [`forward_dynamics_derivatives`](Mechanics::forward_dynamics_derivatives), [`inverse_dynamics_derivatives`](Mechanics::inverse_dynamics_derivatives) |
+//! | wᵀ ∂v̇/∂x, for reverse-mode differentiation | [`forward_dynamics_gradient_into`](Mechanics::forward_dynamics_gradient_into) |
+//! | ẋ = A x + B Q around a state | [`linearize`](Mechanics::linearize) |
+//! | Q = Y π, and derivatives in mass, centre and inertia of a link | [`regressor`](Dynamics::regressor), [`forward_dynamics_by_inertia`](Dynamics::forward_dynamics_by_inertia) |
+//! | poses and Jacobians of links, centre of mass | [`mechanism::Tree`] |
+//! | eight states at once | [`inverse_dynamics_lanes_into`](Mechanics::inverse_dynamics_lanes_into) and its like |
+//! | M, C and G as formulas or as code | [`Formulas`] |
+//!
+//! A URDF's equations are found joint by joint, at a cost that grows with the number of joints (forces, accelerations) or with it times
+//! their depth (matrices), with the instructions of the processor at hand. Energies in text or in Rust are traced to programs where
+//! that is possible, else evaluated on dual numbers. [`Dynamics::by_duals`] is the second route to the same numbers,
+//! [`equations::reference`] and [`equations::adjoint`] are the third.
+//!
 //! # In hot loops
 //!
 //! Every call has an `_into` twin that allocates nothing and takes the constants ([`Mechanics::parameters`]: mass scales of a URDF's
 //! bodies, parameters of a text) as an argument; [`Workspace`] is its memory, one a thread.
-//! [`inverse_dynamics_derivatives_into`](Mechanics::inverse_dynamics_derivatives_into) gives what gradients need.
 pub mod constraint;
 mod dynamics;
 pub mod equations;
