@@ -172,3 +172,30 @@ fn code_goes_to_a_file_and_never_over_the_model() {
     assert_eq!(std::fs::read_to_string(&file).unwrap(), on_stdout);
     assert!(on_stdout.contains("pub struct Equations"));
 }
+
+#[test]
+fn equations_of_a_constrained_model_say_that_it_is_constrained() {
+    let path = model("four_bar/four_bar.toml");
+    for more in [
+        &["--emit", "c"][..],
+        &["--emit", "rust"],
+        &["--format", "latex"],
+    ] {
+        let text = stdout(&pinode(&[&["equations", &path], more].concat()));
+        assert!(
+            text.contains("constraints phi(q) = 0: pin.x, pin.z."),
+            "{text}"
+        );
+        assert!(
+            text.contains("M dv/dt + C v + G = Q + J^T lambda"),
+            "{text}"
+        );
+    }
+    let text = stdout(&pinode(&["equations", &path]));
+    assert!(
+        text.contains("constraints φ(q) = 0: pin.x, pin.z."),
+        "{text}"
+    );
+    let text = stdout(&pinode(&["equations", &model("cartpole/cartpole.toml")]));
+    assert!(!text.contains("constraints"), "{text}");
+}

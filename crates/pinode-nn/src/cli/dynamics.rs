@@ -19,7 +19,10 @@ use super::output::Output;
 use crate::Error;
 use crate::entries::starts;
 use crate::model::Model;
+use crate::naming::{hint, quoted};
 
+/// What a state is made of.
+const KEYS: [&str; 3] = ["q", "v", "tau"];
 /// More problems than these are only counted.
 const MOST_PROBLEMS: usize = 20;
 /// A quaternion may be as much longer or shorter than 1, from rounding in a file; it is then made of length 1.
@@ -80,6 +83,15 @@ fn read(path: &Path, bytes: &[u8], model: &Model) -> Result<Vec<State>, Error> {
     let mut problems = Vec::new();
     let mut states = Vec::with_capacity(list.len());
     for (i, state) in list.iter().enumerate() {
+        // Beside `states` the document may hold what it likes; within a state a key that nobody reads is a slip.
+        let keys = state.as_object().into_iter().flat_map(|o| o.keys());
+        for key in keys.filter(|key| !KEYS.contains(&key.as_str())) {
+            problems.push(Problem::general(format!(
+                "states[{i}]: unknown key {}{}",
+                quoted(key),
+                hint(key, "keys", &KEYS)
+            )));
+        }
         let mut vector = |key: &str| vector(model, state, i, key, &mut problems);
         let (q, v, tau) = (vector("q"), vector("v"), vector("tau"));
         let coordinates = model.mechanics.coordinates();
