@@ -61,6 +61,17 @@ pub enum Error {
         /// The last good sample, s.
         time: f64,
     },
+    /// The dynamics have no acceleration at a state that a free run comes to.
+    #[error("the simulation stops after t = {time} s of run `{run}`: {cause}")]
+    Stopped {
+        /// The recording.
+        run: String,
+        /// The last good sample, s.
+        time: f64,
+        /// What the dynamics refuse.
+        #[source]
+        cause: lagrange::Error,
+    },
     /// No stretch of a log is long enough.
     #[error(
         "no window of {horizon} s fits into the logs: take a shorter horizon or longer recordings"

@@ -122,7 +122,7 @@ impl<'a> FreeRun<'a> {
 /// The model from `initial` (q, v) over the times `t` under the inputs `u`: one state a sample.
 ///
 /// # Errors
-/// [`Error::Diverged`], with the last time that was reached; `run` is what the recording is called there.
+/// [`Error::Diverged`], or [`Error::Stopped`] with what the dynamics refuse, and the last time that was reached; `run` is what the recording is called there.
 pub fn simulate(
     model: &Model,
     run: &str,
@@ -137,8 +137,9 @@ pub fn simulate(
     let hybrid = Hybrid::of(model);
     let free_run = FreeRun::new(&hybrid, t, u, longest_step);
     let mut trajectory = Trajectory::default();
-    let whole = free_run.roll(
-        &mut free_run.roller(),
+    let rolled = free_run.roller().roll(
+        &free_run.theta,
+        &free_run.inputs,
         (0, t.len()),
         initial,
         &mut trajectory,
@@ -148,15 +149,14 @@ pub fn simulate(
         .chunks(initial.len().max(1))
         .map(<[f64]>::to_vec)
         .collect();
-    if whole {
-        Ok(states)
-    } else {
-        Err(Error::Diverged {
-            run: run.to_owned(),
-            time: t
-                .get(states.len().saturating_sub(1))
-                .copied()
-                .unwrap_or_default(),
-        })
-    }
+    let Err(diverged) = rolled else {
+        return Ok(states);
+    };
+    let run = run.to_owned();
+    let last = t.get(states.len().saturating_sub(1));
+    let time = last.copied().unwrap_or_default();
+    Err(match diverged.cause {
+        Some(lagrange::Error::AccelerationNotFinite { .. }) | None => Error::Diverged { run, time },
+        Some(cause) => Error::Stopped { run, time, cause },
+    })
 }

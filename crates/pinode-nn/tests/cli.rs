@@ -127,7 +127,7 @@ fn all_faults_of_the_states_are_named() {
     let states = r#"{"states": [
         {"q": [0, 0], "v": [0, 0], "tau": [0, 0]},
         {"q": [0], "v": [0, null], "tau": "none"},
-        {"q": [0, 0], "v": [0, 0]},
+        {"q": [0, 0], "v": [0, 0], "tou": [0, 0]},
         7
     ]}"#;
     let (_dir, path) = file("states.json", states);
@@ -140,6 +140,7 @@ fn all_faults_of_the_states_are_named() {
         "states[1].v[1] is null, not a finite number",
         "states[1].tau is not an array of numbers",
         "states[2].tau is missing",
+        "states[2]: unknown key `tou`; nearest: `tau`",
         "states[3].q is missing",
     ] {
         assert!(message.contains(words), "no {words:?} in\n{message}");
@@ -293,6 +294,15 @@ fn a_failed_simulation_writes_nothing() {
         "{}",
         stderr(&diverged)
     );
+    let singular =
+        "[lagrangian]\ncoordinates = ['x']\nkinetic = '(1-x)^2*x_dot^2'\npotential = 'x'\n";
+    let (_model_dir, model) = file("m.toml", singular);
+    let stopped = pinode(&["simulate", &model, "--initial", "1,0", "--out", &path]);
+    assert_eq!(stopped.status.code(), Some(1));
+    for words in ["after t = 0 s", "mass matrix is not positive definite"] {
+        assert!(stderr(&stopped).contains(words), "{}", stderr(&stopped));
+    }
+    assert!(!stderr(&stopped).contains("shorter step"));
     assert!(!out.exists());
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
 }

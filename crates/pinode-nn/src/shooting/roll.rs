@@ -5,12 +5,15 @@ use integrators::Rk4;
 use crate::hybrid::{DrivenInputs, Hybrid, Memory};
 
 /// A roll-out left the finite numbers, or the mass matrix lost its inverse on the way.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Diverged;
+#[derive(Debug, Clone, PartialEq)]
+pub struct Diverged {
+    /// What the dynamics refused; none where the state left the finite numbers.
+    pub cause: Option<lagrange::Error>,
+}
 
 impl From<lagrange::Error> for Diverged {
-    fn from(_: lagrange::Error) -> Self {
-        Diverged
+    fn from(cause: lagrange::Error) -> Self {
+        Diverged { cause: Some(cause) }
     }
 }
 
@@ -81,7 +84,9 @@ impl<'a> Roller<'a> {
                     &mut self.state,
                     |_, x, dx| -> Result<(), Diverged> {
                         let (q, v) = x.split_at(nq);
-                        hybrid.acceleration((q, v), theta, inputs, step, memory)?;
+                        // Beyond the range of any mechanism it is the state that is at fault.
+                        let found = hybrid.acceleration((q, v), theta, inputs, step, memory);
+                        found.or_else(|e| check(x).and(Err(e.into())))?;
                         hybrid.position_rate(q, v, &mut dx[..nq]);
                         dx[nq..].copy_from_slice(memory.acceleration.as_slice());
                         Ok(())
@@ -164,6 +169,6 @@ fn check(state: &[f64]) -> Result<(), Diverged> {
     if state.iter().all(|x| x.abs() < 1e12) {
         Ok(())
     } else {
-        Err(Diverged)
+        Err(Diverged { cause: None })
     }
 }
