@@ -4,7 +4,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::equations::derivatives::inverse_dynamics_derivatives;
 use crate::equations::{Workspace, coriolis, fast, gradient, one_by_one, reference};
-use crate::trace::{Arguments, Compiled, Quantity, Registers};
+use crate::trace::{Arguments, Compiled, Quantity, Registers, mass_depends_on_velocity};
 use crate::tree::{At, Engine, LEAST_PIVOT, Machine};
 use crate::{Coordinate, Error, LANES, Lagrangian, Mechanics, Parameter};
 use crate::{Formulas, FormulasError};
@@ -143,7 +143,7 @@ impl<L: Lagrangian> Dynamics<L> {
     }
 }
 
-/// Whether T(q, s v) = s² T(q, v) and the parallelogram law holds at a few generic states.
+/// Whether T(q, s v) = s² T(q, v) and the parallelogram law holds at a few generic states, and no graph of T says otherwise.
 pub(crate) fn is_quadratic<L: Lagrangian>(lagrangian: &L) -> bool {
     let n = lagrangian.dof();
     let generic = |seed: f64| -> Vec<f64> {
@@ -151,7 +151,7 @@ pub(crate) fn is_quadratic<L: Lagrangian>(lagrangian: &L) -> bool {
             .map(|i| (seed + 1.7 * i as f64).sin() + 0.1 * seed)
             .collect()
     };
-    [0.3, 1.1, 2.9].into_iter().all(|seed| {
+    let sampled = [0.3, 1.1, 2.9].into_iter().all(|seed| {
         let (q, v, w) = (generic(seed), generic(seed + 0.5), generic(seed + 4.0));
         let kinetic = |a: f64, b: f64| {
             let u: Vec<f64> = v.iter().zip(&w).map(|(v, w)| a * v + b * w).collect();
@@ -167,7 +167,8 @@ pub(crate) fn is_quadratic<L: Lagrangian>(lagrangian: &L) -> bool {
                     - 2.0 * kinetic(1.0, 0.0)
                     - 2.0 * kinetic(0.0, 1.0),
             )
-    })
+    });
+    sampled && !mass_depends_on_velocity(lagrangian)
 }
 
 impl<L: Lagrangian> Mechanics for Dynamics<L> {

@@ -158,6 +158,23 @@ proptest! {
 }
 
 #[test]
+fn a_kinetic_energy_that_is_quadratic_only_near_the_origin_is_found_out() {
+    let source = lagrange::TextSource {
+        coordinates: vec!["x".into()],
+        kinetic: "0.5*m*x_dot^2 + max(0, x - 10)*x_dot^4".into(),
+        potential: "0".into(),
+        parameters: vec![("m".into(), 2.0)],
+        ..Default::default()
+    };
+    let text = lagrange::TextLagrangian::new(&source).unwrap();
+    let dynamics = Dynamics::of(text);
+    assert!(!dynamics.kinetic_is_quadratic());
+    // At x = 12, v = 1: M = m + 12 (x − 10) v², bias = 3 v⁴.
+    let a = dynamics.forward_dynamics(&[12.0], &[1.0], &[1.0]).unwrap();
+    assert_relative_eq!(a[0], (1.0 - 3.0) / 26.0, max_relative = 1e-14);
+}
+
+#[test]
 fn a_massless_coordinate_is_named() {
     struct Massless;
     impl Lagrangian for Massless {

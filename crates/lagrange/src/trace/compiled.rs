@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::derivative::{TooLarge, derivative};
-use super::graph::{Graph, Id};
+use super::derivative::{TooLarge, derivative, mark_arguments};
+use super::graph::{Graph, Id, Node};
 use super::program::Program;
 use super::traced::{Traced, trace, variable};
 use crate::{InverseDynamicsDerivatives, Lagrangian};
@@ -285,6 +285,40 @@ impl Compiled {
             }
         }
     }
+}
+
+/// Whether ∂²T/∂v∂v holds a velocity, as far as a graph of T can tell: not when T branches on its arguments or is too large. Where it
+/// does, T is not quadratic in v, however quadratic it is at the states that one tries.
+pub(crate) fn mass_depends_on_velocity<L: Lagrangian>(lagrangian: &L) -> bool {
+    let nv = lagrangian.dof();
+    let (mut graph, kinetic) = trace(|| {
+        let range = |from: usize| -> Vec<Traced> { (from..from + nv).map(variable).collect() };
+        let (q, v) = (range(0), range(nv));
+        lagrangian.kinetic(&q, &v).0
+    });
+    if graph.branched {
+        return false;
+    }
+    let velocities = || (nv..2 * nv).map(|x| x as u32);
+    let mut mass = vec![kinetic];
+    for _ in 0..2 {
+        let slopes: Result<Vec<_>, TooLarge> = velocities()
+            .map(|x| derivative(&mut graph, &mass, x, MOST_NODES))
+            .collect();
+        match slopes {
+            Ok(slopes) => mass = slopes.concat(),
+            Err(TooLarge) => return false,
+        }
+    }
+    let mut needed = vec![false; graph.len()];
+    for id in mass {
+        needed[id as usize] = true;
+    }
+    mark_arguments(&graph, &mut needed);
+    (0..graph.len()).any(|id| match graph.node(id as Id) {
+        Node::Variable(x) => needed[id] && velocities().any(|v| v == x),
+        _ => false,
+    })
 }
 
 /// C_ij = Σ_k ½ (∂M_ij/∂q_k + ∂M_ik/∂q_j − ∂M_jk/∂q_i) v_k, column by column, from ∂M/∂q_k, each column by column.

@@ -13,5 +13,5 @@ mod graph;
 mod program;
 mod traced;
 
-pub(crate) use compiled::{Arguments, Compiled, Quantity, Registers};
+pub(crate) use compiled::{Arguments, Compiled, Quantity, Registers, mass_depends_on_velocity};
 pub use formulas::{Formulas, FormulasError, Style, Written};
