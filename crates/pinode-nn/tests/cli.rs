@@ -100,7 +100,7 @@ fn strict_refuses_an_inertia_that_no_body_has() {
     let path = path.display().to_string();
     let lenient = pinode(&["check", &path]);
     assert_eq!(lenient.status.code(), Some(0));
-    assert!(String::from_utf8_lossy(&lenient.stdout).contains("1 warnings"));
+    assert!(String::from_utf8_lossy(&lenient.stdout).contains("1 warning:"));
     assert_eq!(pinode(&["check", "--strict", &path]).status.code(), Some(1));
 }
 
