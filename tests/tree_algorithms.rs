@@ -13,10 +13,10 @@ use lagrange::equations::adjoint;
 use lagrange::mechanism::Tree;
 use lagrange::urdf::Options;
 use lagrange::{
-    Coordinate, Dynamics, ForwardDynamicsDerivatives, ForwardDynamicsGradient,
-    InverseDynamicsDerivatives, InverseDynamicsGradient, LANES, Lagrangian, Mechanics, state,
+    Dynamics, ForwardDynamicsDerivatives, ForwardDynamicsGradient, InverseDynamicsDerivatives,
+    InverseDynamicsGradient, LANES, Lagrangian, Mechanics, state,
 };
-use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DVector};
 use num_dual::Dual64;
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -106,27 +106,6 @@ impl Case {
     }
 }
 
-/// q̇: velocities, and for a pose its rates, R u and ½ (w, r) ∘ (0, ω).
-fn position_rate(coordinates: &[Coordinate], q: &[f64], v: &[f64]) -> Vec<f64> {
-    let mut rate = Vec::new();
-    let mut first = 0;
-    for coordinate in coordinates {
-        let at = rate.len();
-        if coordinate.floating {
-            let turn = Quaternion::new(q[at + 3], q[at + 4], q[at + 5], q[at + 6]);
-            let v = &v[first..first + 6];
-            let linear = UnitQuaternion::new_normalize(turn) * Vector3::new(v[0], v[1], v[2]);
-            let turning = turn * Quaternion::new(0.0, v[3], v[4], v[5]) * 0.5;
-            rate.extend(linear.iter());
-            rate.extend([turning.w, turning.i, turning.j, turning.k]);
-        } else {
-            rate.push(v[first]);
-        }
-        first += coordinate.nv();
-    }
-    rate
-}
-
 /// |x − y| ≤ tolerance · scale, entry by entry; NaN fails.
 fn close(what: &str, x: &[f64], y: &[f64], tolerance: f64) -> Result<(), TestCaseError> {
     prop_assert_eq!(x.len(), y.len());
@@ -170,7 +149,7 @@ proptest! {
         let slope: Vec<f64> = (0..n).map(|i| {
             let mut along = vec![0.0; n];
             along[i] = 1.0;
-            let rate = position_rate(coordinates, &case.q, &along);
+            let rate = state::position_rate(coordinates, &case.q, &along).unwrap();
             let q: Vec<Dual64> = case.q.iter().zip(&rate).map(|(&q, &r)| Dual64::new(q, r)).collect();
             case.tree().potential(&q).eps
         }).collect();
@@ -234,7 +213,7 @@ proptest! {
         let Case { q, v, mechanics, .. } = &case;
         let n = mechanics.nv();
         let coriolis = mechanics.coriolis_matrix(q, v).unwrap();
-        let rate = position_rate(mechanics.coordinates(), q, v);
+        let rate = state::position_rate(mechanics.coordinates(), q, v).unwrap();
         let moving: Vec<Dual64> = q.iter().zip(&rate).map(|(&q, &r)| Dual64::new(q, r)).collect();
         let kinetic = |i: usize, j: usize, both: f64| {
             let mut u = vec![Dual64::from(0.0); n];
@@ -417,7 +396,7 @@ proptest! {
         let balance = mechanics.power_balance(q, v, a).unwrap();
         // dT/dt + dV/dt along the motion, by dual numbers of the energies themselves.
         let acceleration = mechanics.forward_dynamics(q, v, a).unwrap();
-        let rate = position_rate(mechanics.coordinates(), q, v);
+        let rate = state::position_rate(mechanics.coordinates(), q, v).unwrap();
         let lift = |x: &[f64], dx: &[f64]| -> Vec<Dual64> { x.iter().zip(dx).map(|(&x, &dx)| Dual64::new(x, dx)).collect() };
         let (qd, vd) = (lift(q, &rate), lift(v, acceleration.as_slice()));
         let scale = 2.0 * case.reach * (case.force + case.mass * acceleration.amax()) * a.len() as f64;

@@ -1,9 +1,9 @@
 //! The equations of motion of a [`Lagrangian`], by the fastest route there is for it.
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{DMatrix, DVector};
 
 use crate::equations::derivatives::inverse_dynamics_derivatives;
-use crate::equations::{Workspace, coriolis, fast, gradient, one_by_one, reference};
+use crate::equations::{Workspace, cholesky, coriolis, fast, gradient, one_by_one, reference};
 use crate::trace::{Arguments, Compiled, Quantity, Registers, mass_depends_on_velocity};
 use crate::tree::{At, Engine, LEAST_PIVOT, Machine};
 use crate::{Coordinate, Error, LANES, Lagrangian, Mechanics, Parameter};
@@ -536,14 +536,12 @@ impl<L: Lagrangian> Dynamics<L> {
         }
         *out -= &bias;
         work.force = bias;
-        match Cholesky::new(mass) {
-            Some(factor) => {
-                factor.solve_mut(out);
-                work.mass = factor.unpack_dirty();
-                is_definite(&work.mass) && out.iter().all(|a| a.is_finite())
-            }
-            None => false,
+        let solved = cholesky::factorise(&mut mass, LEAST_PIVOT).is_ok();
+        if solved {
+            cholesky::solve(&mass, out);
         }
+        work.mass = mass;
+        solved && out.iter().all(|a| a.is_finite())
     }
 
     fn fresh_workspace(&self) -> Workspace {
@@ -575,11 +573,12 @@ impl<L: Lagrangian> Dynamics<L> {
         } else {
             mass = reference::equations_with(&self.lagrangian, q, v, p).mass_matrix;
         }
-        if let Some((pivot, value)) = first_dependent(&mass) {
+        let whole = mass.diagonal();
+        if let Err((pivot, part)) = cholesky::factorise(&mut mass, LEAST_PIVOT) {
             return Error::SingularMassMatrix {
                 q: q.to_vec(),
                 pivot,
-                value,
+                value: part * whole[pivot],
             };
         }
         let mut force = DVector::zeros(n);
@@ -593,32 +592,4 @@ impl<L: Lagrangian> Dynamics<L> {
         }
         Error::AccelerationNotFinite { q: q.to_vec() }
     }
-}
-
-/// Whether Cholesky's factor L leaves of every M_kk = Σ L_kj² more than rounding.
-fn is_definite(factor: &DMatrix<f64>) -> bool {
-    (0..factor.nrows()).all(|k| {
-        let whole: f64 = (0..=k).map(|j| factor[(k, j)] * factor[(k, j)]).sum();
-        factor[(k, k)] * factor[(k, k)] > LEAST_PIVOT * whole
-    })
-}
-
-/// The first row of M that depends, to rounding, on those before it, and what they leave of its diagonal entry.
-fn first_dependent(mass: &DMatrix<f64>) -> Option<(usize, f64)> {
-    let n = mass.nrows();
-    let mut factor = DMatrix::<f64>::zeros(n, n);
-    for k in 0..n {
-        for i in 0..=k {
-            let sum: f64 = (0..i).map(|j| factor[(k, j)] * factor[(i, j)]).sum();
-            let left = mass[(k, i)] - sum;
-            if i < k {
-                factor[(k, i)] = left / factor[(i, i)];
-            } else if left > LEAST_PIVOT * mass[(k, k)] && left.is_finite() {
-                factor[(k, k)] = left.sqrt();
-            } else {
-                return Some((k, left));
-            }
-        }
-    }
-    None
 }

@@ -122,8 +122,9 @@
 //!
 //! # In hot loops
 //!
-//! Every call has an `_into` twin that allocates nothing and takes the constants ([`Mechanics::parameters`]: mass scales of a URDF's
-//! bodies, parameters of a text) as an argument; [`Workspace`] is its memory, one a thread.
+//! M, C, G, the bias force, both dynamics, their derivatives and gradients have `_into` twins that allocate nothing and take the
+//! constants ([`Mechanics::parameters`]: mass scales of a URDF's bodies, parameters of a text) as an argument; [`Workspace`] is their
+//! memory, one a thread. Momentum, power balance, linearisation and the regressor only come as calls that allocate.
 pub mod constraint;
 mod dynamics;
 pub mod equations;

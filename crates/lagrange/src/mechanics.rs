@@ -11,8 +11,8 @@ use crate::{InverseDynamicsDerivatives, InverseDynamicsGradient};
 
 /// The equations of motion of one mechanism: M(q) v̇ + C(q, v) v + G(q) = Q.
 ///
-/// Immutable and shared; what changes is in the [`Workspace`] of each thread. Every allocating call takes the nominal constants
-/// and checks its arguments; its `_into` twin takes the constants `p` (as many as [`parameters`](Self::parameters)), checks
+/// Immutable and shared; what changes is in the [`Workspace`] of each thread. Allocating calls take the nominal constants
+/// and check their arguments; an `_into` twin takes the constants `p` (as many as [`parameters`](Self::parameters)), checks
 /// nothing, allocates nothing, and panics when a slice has the wrong length.
 ///
 /// q in m or rad, v in m/s or rad/s, forces in N or N·m, energies in J.

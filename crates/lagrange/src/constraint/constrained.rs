@@ -3,7 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::kinematics::{Kinematics, Room, Sizes};
-use super::{Constraint, Dropped, Holonomic, factor, independent, project};
+use super::{Constraint, Dropped, Holonomic, independent, project};
+use crate::equations::cholesky;
 use crate::{Coordinate, Error, ForwardDynamicsDerivatives, InverseDynamicsDerivatives};
 use crate::{Formulas, FormulasError, LANES, Mechanics, Parameter, Workspace};
 
@@ -236,7 +237,7 @@ impl<M: Mechanics, C: Constraint> Constrained<M, C> {
         } else {
             self.free.forward_dynamics_into(q, v, p, work, out)?;
             self.free.mass_matrix_into(q, p, work, &mut room.mass);
-            if let Err((pivot, value)) = factor::factorise(&mut room.mass, 0.0) {
+            if let Err((pivot, value)) = cholesky::factorise(&mut room.mass, 0.0) {
                 let q = q.to_vec();
                 return Err(Error::SingularMassMatrix { q, pivot, value });
             }
@@ -245,7 +246,7 @@ impl<M: Mechanics, C: Constraint> Constrained<M, C> {
             room.mass.tr_solve_lower_triangular_mut(&mut room.response);
         }
         room.coupling.gemm(1.0, &room.jacobian, &room.response, 0.0);
-        if let Err((row, part)) = factor::factorise(&mut room.coupling, factor::DEPENDENT) {
+        if let Err((row, part)) = cholesky::factorise(&mut room.coupling, cholesky::DEPENDENT) {
             return Err(self.no_multipliers(row, part, q, room));
         }
         // −(J a₀ + J̇ v + 2 ω φ̇ + ω² φ)
@@ -253,7 +254,7 @@ impl<M: Mechanics, C: Constraint> Constrained<M, C> {
         room.multipliers -= &room.bias;
         room.multipliers.axpy(-2.0 * rate, &room.velocity, 1.0);
         room.multipliers.axpy(-rate * rate, &room.position, 1.0);
-        factor::solve(&room.coupling, &mut room.multipliers);
+        cholesky::solve(&room.coupling, &mut room.multipliers);
         out.gemv(1.0, &room.response, &room.multipliers, 1.0);
         Ok(())
     }

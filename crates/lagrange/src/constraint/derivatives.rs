@@ -8,7 +8,8 @@
 use nalgebra::{Dyn, Matrix, StorageMut};
 
 use super::kinematics::{Room, Variable};
-use super::{Constrained, Constraint, factor};
+use super::{Constrained, Constraint};
+use crate::equations::cholesky;
 use crate::{Error, ForwardDynamicsDerivatives, Mechanics, Workspace};
 
 impl<M: Mechanics, C: Constraint> Constrained<M, C> {
@@ -86,7 +87,7 @@ fn obey<S: StorageMut<f64, Dyn, Dyn>>(
         if by_variable {
             room.rhs -= room.by.column(k);
         }
-        factor::solve(&room.coupling, &mut room.rhs);
+        cholesky::solve(&room.coupling, &mut room.rhs);
         column.gemv(1.0, &room.response, &room.rhs, 1.0);
     }
 }

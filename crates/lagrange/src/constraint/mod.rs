@@ -41,7 +41,6 @@
 
 mod constrained;
 mod derivatives;
-mod factor;
 mod independent;
 mod kinematics;
 mod loops;

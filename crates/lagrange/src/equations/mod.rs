@@ -8,6 +8,7 @@
 //! [`Mechanics`](crate::Mechanics) is the way in; it takes the fast route where T is quadratic.
 
 pub mod adjoint;
+pub(crate) mod cholesky;
 pub(crate) mod coriolis;
 pub(crate) mod derivatives;
 pub(crate) mod fast;

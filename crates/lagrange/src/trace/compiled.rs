@@ -156,8 +156,8 @@ impl Compiled {
         Ok(compiled)
     }
 
-    /// Whether a program is so short that on a tree of two joints nothing else is faster: measured with `benches/robots.rs`, an
-    /// instruction takes 1.3 ns, and the algorithms for trees 110 ns for forces and M, twice that for derivatives.
+    /// Whether a program is so short that on a tree of two joints nothing else is likely to be faster. The lengths are chosen from
+    /// timings of the cart-pole and the double pendulum in `benches/robots.rs`.
     pub fn is_short(&self, quantity: Quantity) -> bool {
         let (program, most) = match quantity {
             Quantity::Mass => (&self.mass, 70),

@@ -1,17 +1,18 @@
-//! The Cholesky factors of M and of J M⁻¹ Jᵀ; that of the latter says which equation depends on those before it.
+//! The Cholesky factors of M and of J M⁻¹ Jᵀ, which say what row depends on those before it: a velocity that moves no mass of its
+//! own, an equation that constrains nothing new.
 
 use nalgebra::{DMatrix, DVector};
 
 /// An equation counts as dependent on the others where the square of the sine between its row of J and their span, in the metric
 /// of M⁻¹, is less than this: an angle of 1e-6 rad. λ then has no digit that could be trusted by half of them.
-pub(super) const DEPENDENT: f64 = 1e-12;
+pub(crate) const DEPENDENT: f64 = 1e-12;
 
 /// A = L Lᵀ in place, L in the lower triangle.
 ///
 /// # Errors
 /// The first row of which a part of at most `least` is independent of those before it, and that part: the square of the sine
 /// between them, in the metric that makes A of rows.
-pub(super) fn factorise(a: &mut DMatrix<f64>, least: f64) -> Result<(), (usize, f64)> {
+pub(crate) fn factorise(a: &mut DMatrix<f64>, least: f64) -> Result<(), (usize, f64)> {
     for j in 0..a.nrows() {
         let whole = a[(j, j)];
         let mut pivot = whole;
@@ -19,8 +20,8 @@ pub(super) fn factorise(a: &mut DMatrix<f64>, least: f64) -> Result<(), (usize, 
             pivot -= a[(j, k)] * a[(j, k)];
         }
         let part = pivot / whole;
-        // A row of zeros (0/0) and numbers that are not finite fail as well.
-        if !(part > least && pivot.is_finite()) {
+        // A row of zeros (0/0), a negative diagonal and numbers that are not finite fail as well.
+        if !(part > least && pivot > 0.0 && pivot.is_finite()) {
             return Err((j, if part.is_finite() { part.max(0.0) } else { 0.0 }));
         }
         let root = pivot.sqrt();
@@ -37,7 +38,7 @@ pub(super) fn factorise(a: &mut DMatrix<f64>, least: f64) -> Result<(), (usize, 
 }
 
 /// x with A x = b, in place.
-pub(super) fn solve(factor: &DMatrix<f64>, b: &mut DVector<f64>) {
+pub(crate) fn solve(factor: &DMatrix<f64>, b: &mut DVector<f64>) {
     // The diagonal is positive, so both solves succeed.
     factor.solve_lower_triangular_mut(b);
     factor.tr_solve_lower_triangular_mut(b);
