@@ -9,10 +9,11 @@ use std::fmt::Write;
 
 use common::load::tree;
 use lagrange::constraint::{Constrained, Constraint};
+use lagrange::mechanism::Tree;
 use lagrange::urdf::Options;
 use lagrange::{
     Dynamics, ForwardDynamicsDerivatives, ForwardDynamicsGradient, InverseDynamicsDerivatives,
-    InverseDynamicsGradient, LANES, Mechanics, Scalar, TextLagrangian, TextSource, state,
+    InverseDynamicsGradient, LANES, Linear, Mechanics, Scalar, TextLagrangian, TextSource, state,
 };
 use nalgebra::{DMatrix, DVector};
 
@@ -32,6 +33,7 @@ struct Results {
     forward: ForwardDynamicsDerivatives,
     inverse_gradient: InverseDynamicsGradient,
     forward_gradient: ForwardDynamicsGradient,
+    linear: Linear,
 }
 
 impl Results {
@@ -52,6 +54,7 @@ impl Results {
             forward: ForwardDynamicsDerivatives::zeros(n, constants),
             inverse_gradient: InverseDynamicsGradient::zeros(n, mechanics.parameters().len()),
             forward_gradient: ForwardDynamicsGradient::zeros(n, mechanics.parameters().len()),
+            linear: Linear::zeros(n),
         }
     }
 }
@@ -59,7 +62,7 @@ impl Results {
 type Call = fn(&dyn Mechanics, &[f64], &[f64], &[f64], &[usize], &mut Results);
 
 /// Every `_into` call of [`Mechanics`], by name.
-const CALLS: [(&str, Call); 15] = [
+const CALLS: [(&str, Call); 18] = [
     ("energies", |m, q, v, p, _, _| {
         let energy = m.kinetic_energy_with(q, v, p) + m.potential_energy_with(q, p);
         assert!(energy.is_finite());
@@ -83,6 +86,17 @@ const CALLS: [(&str, Call); 15] = [
         r.acceleration.fill(0.1);
         let (work, out) = (&mut r.work, &mut r.acceleration);
         m.forward_dynamics_into(q, v, p, work, out).unwrap();
+    }),
+    ("momentum_into", |m, q, v, p, _, r| {
+        m.momentum_into(q, v, p, &mut r.work, &mut r.force);
+    }),
+    ("power_balance_with", |m, q, v, p, _, r| {
+        let balance = m.power_balance_with(q, v, v, p, &mut r.work).unwrap();
+        assert!(balance.input > 0.0);
+    }),
+    ("linearize_into", |m, q, v, p, _, r| {
+        let (work, out) = (&mut r.work, &mut r.linear);
+        m.linearize_into(q, v, v, p, work, out).unwrap();
     }),
     ("equations_into", |m, q, v, p, _, r| {
         let (work, mass) = (&mut r.work, &mut r.mass);
@@ -140,6 +154,50 @@ fn assert_no_allocation(mechanics: &dyn Mechanics, q: &[f64]) {
             assert_eq!(count, 0, "{name} allocates {count} times, {bytes} bytes");
         }
     }
+}
+
+/// Goes twice through the calls of a tree for the inertia of its links and counts in the second round.
+fn assert_no_allocation_by_inertia(mechanics: &Dynamics<Tree>, q: &[f64]) {
+    let (n, p) = (mechanics.nv(), mechanics.nominal());
+    let v: Vec<f64> = (0..n).map(|i| (1.7 * i as f64).cos()).collect();
+    let last = mechanics.lagrangian().links().len() - 1;
+    let mut work = mechanics.workspace();
+    let mut y = mechanics.regressor(q, &v, &v).unwrap();
+    let (mut inverse, mut forward) = (DMatrix::zeros(n, 10), DMatrix::zeros(n, 10));
+    let mut calls = || {
+        mechanics.regressor_into(q, &v, &v, &mut work, &mut y);
+        for link in [0, last] {
+            let (work, out) = (&mut work, &mut inverse);
+            mechanics.inverse_dynamics_by_inertia_into(link, q, &v, &v, &p, work, out);
+            let out = &mut forward;
+            mechanics
+                .forward_dynamics_by_inertia_into(link, q, &v, &v, &p, work, out)
+                .unwrap();
+        }
+    };
+    calls();
+    let counted = allocation_counter::measure(calls);
+    let (count, bytes) = (counted.count_total, counted.bytes_total);
+    assert_eq!(count, 0, "{count} times, {bytes} bytes");
+    assert!(y.amax() > 0.0 && inverse.amax() > 0.0 && forward.amax() > 0.0);
+}
+
+#[test]
+fn a_regressor_and_derivatives_in_the_inertia_of_a_link() {
+    for count in [2, 7, 20] {
+        let fixed = tree(&bodies(count, |k| k / 2), &Options::default());
+        let q = somewhere(count);
+        assert_no_allocation_by_inertia(&fixed, &q);
+        assert_no_allocation_by_inertia(&fixed.by_duals(), &q);
+    }
+    let mimic = bodies(6, |k| k / 2).replace(
+        "<child link=\"l5\"/>",
+        "<child link=\"l5\"/><mimic joint=\"j1\" multiplier=\"-0.5\" offset=\"0.1\"/>",
+    );
+    let follower = tree(&mimic, &Options::default());
+    assert_eq!(follower.nv(), 5);
+    check(&follower);
+    assert_no_allocation_by_inertia(&follower, &somewhere(5));
 }
 
 /// Positions off the symmetric ones.
@@ -273,6 +331,7 @@ fn a_base_that_floats() {
     let pose = [0.1, -0.2, 0.9, 0.5, 0.5, -0.5, 0.5];
     let q = [&pose, somewhere(6).as_slice()].concat();
     assert_no_allocation(&robot, &q);
+    assert_no_allocation_by_inertia(&robot, &q);
 }
 
 #[test]

@@ -14,7 +14,7 @@ use lagrange::mechanism::Tree;
 use lagrange::urdf::Options;
 use lagrange::{
     Dynamics, ForwardDynamicsDerivatives, ForwardDynamicsGradient, InverseDynamicsDerivatives,
-    InverseDynamicsGradient, LANES, Lagrangian, Mechanics, state,
+    InverseDynamicsGradient, LANES, Lagrangian, Linear, Mechanics, state,
 };
 use nalgebra::{DMatrix, DVector};
 use num_dual::Dual64;
@@ -403,6 +403,68 @@ proptest! {
         let rates = [case.tree().kinetic(&qd, &vd).eps, case.tree().potential(&qd).eps];
         close("dT/dt, dV/dt", &[balance.kinetic, balance.potential], &rates, 1e-12 * scale)?;
         close("Q · v", &[balance.input], &[rates[0] + rates[1]], 1e-11 * scale)?;
+    }
+
+    #[test]
+    fn the_momentum_is_the_slope_of_the_kinetic_energy(case in case(MOST)) {
+        let Case { q, v, mechanics, .. } = &case;
+        let n = mechanics.nv();
+        let momentum = mechanics.momentum(q, v).unwrap();
+        let by_mass = mechanics.mass_matrix(q).unwrap() * DVector::from_column_slice(v);
+        let qd: Vec<Dual64> = q.iter().map(|&x| x.into()).collect();
+        let slope: Vec<f64> = (0..n).map(|i| {
+            let vd: Vec<Dual64> = v.iter().enumerate().map(|(k, &v)| Dual64::new(v, f64::from(u8::from(k == i)))).collect();
+            case.tree().kinetic(&qd, &vd).eps
+        }).collect();
+        let tolerance = 1e-13 * case.reach * case.mass * n as f64;
+        close("M v", momentum.as_slice(), by_mass.as_slice(), tolerance)?;
+        close("∂T/∂v", momentum.as_slice(), &slope, tolerance)?;
+    }
+
+    #[test]
+    fn twins_in_used_memory_and_with_other_masses_are_the_calls_that_allocate(case in case(12), factor in 0.5..2.0_f64) {
+        let Case { q, v, a, mechanics, .. } = &case;
+        let (n, p, work) = (mechanics.nv(), mechanics.nominal(), &mut mechanics.workspace());
+        let links = mechanics.lagrangian().links().len();
+        let mut linear = Linear::zeros(n);
+        let mut momentum = DVector::zeros(n);
+        let mut y = mechanics.regressor(q, v, a).unwrap();
+        let (mut inverse, mut forward) = (DMatrix::zeros(n, 10), DMatrix::zeros(n, 10));
+        // Twice, the first time elsewhere: nothing is left over.
+        let slow: Vec<f64> = v.iter().map(|v| 0.3 * v).collect();
+        for v in [&slow, v] {
+            mechanics.momentum_into(q, v, &p, work, &mut momentum);
+            mechanics.linearize_into(q, v, a, &p, work, &mut linear).unwrap();
+            let balance = mechanics.power_balance_with(q, v, a, &p, work).unwrap();
+            mechanics.regressor_into(q, v, a, work, &mut y);
+            for link in (0..links).rev() {
+                mechanics.inverse_dynamics_by_inertia_into(link, q, v, a, &p, work, &mut inverse);
+                mechanics.forward_dynamics_by_inertia_into(link, q, v, a, &p, work, &mut forward).unwrap();
+            }
+            prop_assert_eq!(&momentum, &mechanics.momentum(q, v).unwrap());
+            prop_assert_eq!(&linear, &mechanics.linearize(q, v, a).unwrap());
+            prop_assert_eq!(balance, mechanics.power_balance(q, v, a).unwrap());
+            prop_assert_eq!(&y, &mechanics.regressor(q, v, a).unwrap());
+            prop_assert_eq!(&inverse, &mechanics.inverse_dynamics_by_inertia(0, q, v, a).unwrap());
+            prop_assert_eq!(&forward, &mechanics.forward_dynamics_by_inertia(0, q, v, a).unwrap());
+        }
+        // All masses times `factor`: momenta and slopes grow with it.
+        let scaled: Vec<f64> = p.iter().map(|p| factor * p).collect();
+        mechanics.momentum_into(q, v, &scaled, work, &mut momentum);
+        let expected = mechanics.momentum(q, v).unwrap() * factor;
+        close("p", momentum.as_slice(), expected.as_slice(), 1e-13 * case.reach * case.mass * n as f64)?;
+        let last = links - 1;
+        mechanics.inverse_dynamics_by_inertia_into(last, q, v, a, &scaled, work, &mut inverse);
+        let expected = mechanics.inverse_dynamics_by_inertia(last, q, v, a).unwrap() * factor;
+        close("∂Q/∂π", inverse.as_slice(), expected.as_slice(), 1e-13 * (expected.amax() + case.force))?;
+        // −M⁻¹ of them, at the v̇ of those masses.
+        let mut acceleration = DVector::from_column_slice(a);
+        mechanics.forward_dynamics_into(q, v, &scaled, work, &mut acceleration).unwrap();
+        mechanics.inverse_dynamics_by_inertia_into(last, q, v, acceleration.as_slice(), &scaled, work, &mut inverse);
+        mechanics.forward_dynamics_by_inertia_into(last, q, v, a, &scaled, work, &mut forward).unwrap();
+        let sum = mechanics.mass_matrix(q).unwrap() * factor * &forward + &inverse;
+        let size = (1.0 + case.force + inverse.amax() + case.mass * forward.amax()) * case.reach;
+        close("M ∂v̇/∂π + ∂Q/∂π", sum.as_slice(), DMatrix::<f64>::zeros(n, 10).as_slice(), 1e-11 * size)?;
     }
 
     #[test]

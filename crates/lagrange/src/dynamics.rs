@@ -38,9 +38,11 @@ pub struct Dynamics<L> {
     quadratic: bool,
     /// Programs from a trace of T and V, for a small mechanism whose energies do not branch.
     programs: Option<Box<Compiled>>,
-    /// Joint by joint, for a tree of rigid bodies. Where there are programs too, the shortest of them come first; where there is
-    /// neither, dual numbers go through T and V.
+    /// Joint by joint, for a tree of rigid bodies.
     joints: Option<Box<Engine>>,
+    /// Whether that is the route to the equations. Where there are programs too, the shortest of them come first; where there is
+    /// neither, dual numbers go through T and V.
+    by_joints: bool,
 }
 
 impl<L: Lagrangian> Dynamics<L> {
@@ -90,6 +92,7 @@ impl<L: Lagrangian> Dynamics<L> {
             coordinates,
             quadratic,
             programs,
+            by_joints: joints.is_some(),
             joints,
         }
     }
@@ -108,7 +111,7 @@ impl<L: Lagrangian> Dynamics<L> {
         }
         Dynamics {
             programs: None,
-            joints: None,
+            by_joints: false,
             ..self
         }
     }
@@ -121,7 +124,7 @@ impl<L: Lagrangian> Dynamics<L> {
             None => self,
             programs => Dynamics {
                 programs,
-                joints: None,
+                by_joints: false,
                 ..self
             },
         }
@@ -205,7 +208,7 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
             };
             programs.mass_matrix(at, &mut work.registers, out);
         } else if let Some((engine, machine)) = self.engine(work) {
-            engine.mass_matrix(At { q, v: &[], p }, machine, out);
+            engine.mass_matrix(At { q, v: &[], p }, machine, out.as_mut_slice());
         } else if self.quadratic {
             fast::mass_matrix(&self.lagrangian, q, p, work, out);
         } else {
@@ -225,7 +228,7 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
             let at = Arguments { q, v, p, a: &[] };
             programs.coriolis_matrix(at, &mut work.registers, out);
         } else if let Some((engine, machine)) = self.engine(work) {
-            engine.coriolis_matrix(At { q, v, p }, machine, out);
+            engine.coriolis_matrix(At { q, v, p }, machine, out.as_mut_slice());
         } else {
             coriolis::coriolis_matrix(&self.lagrangian, q, v, p, work, out);
         }
@@ -246,7 +249,7 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
             };
             programs.gravity_force(at, &mut work.registers, out);
         } else if let Some((engine, machine)) = self.engine(work) {
-            engine.gravity_force(At { q, v: &[], p }, machine, out);
+            engine.gravity_force(At { q, v: &[], p }, machine, out.as_mut_slice());
         } else {
             fast::gravity_force(&self.lagrangian, q, p, work, out);
         }
@@ -270,6 +273,24 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         }
     }
 
+    fn momentum_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut DVector<f64>,
+    ) {
+        if let Some(programs) = self.program(Quantity::Momentum) {
+            let at = Arguments { q, v, p, a: &[] };
+            programs.momentum(at, &mut work.registers, out);
+        } else if let Some((engine, machine)) = self.engine(work) {
+            engine.momentum(At { q, v, p }, machine, out.as_mut_slice());
+        } else {
+            fast::momentum(&self.lagrangian, q, v, p, work, out);
+        }
+    }
+
     fn equations_into(
         &self,
         q: &[f64],
@@ -284,6 +305,8 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
             let at = Arguments { q, v, p, a: &[] };
             programs.terms(at, &mut work.registers, mass, coriolis, gravity);
         } else if let Some((engine, machine)) = self.engine(work) {
+            let (mass, coriolis) = (mass.as_mut_slice(), coriolis.as_mut_slice());
+            let gravity = gravity.as_mut_slice();
             engine.equations(At { q, v, p }, machine, mass, coriolis, gravity);
         } else {
             self.mass_matrix_into(q, p, work, mass);
@@ -441,7 +464,7 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
     ) {
         match self.engine(work) {
             Some((engine, machine)) => {
-                engine.inverse_dynamics_lanes(At { q, v, p }, a, machine, out);
+                engine.inverse_dynamics(At { q, v, p }, Some(a), machine, out);
             }
             None => one_by_one::inverse_dynamics(self, (q, v, a), p, work, out),
         }
@@ -459,7 +482,7 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         let Some((engine, machine)) = self.engine(work).filter(independent) else {
             return one_by_one::forward_dynamics(self, (q, v), p, work, out);
         };
-        engine.forward_dynamics_lanes(At { q, v, p }, machine, out);
+        engine.forward_dynamics(At { q, v, p }, machine, out);
         match (0..LANES).find(|&k| out.iter().any(|a| !a[k].is_finite())) {
             None => Ok(()),
             Some(lane) => {
@@ -478,7 +501,7 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
     ) {
         match self.engine(work) {
             Some((engine, machine)) => {
-                engine.mass_matrix_lanes(At { q, v: &[], p }, machine, out);
+                engine.mass_matrix(At { q, v: &[], p }, machine, out);
             }
             None => one_by_one::mass_matrix(self, q, p, work, out),
         }
@@ -490,18 +513,19 @@ impl<L: Lagrangian> Dynamics<L> {
     #[inline]
     fn program(&self, quantity: Quantity) -> Option<&Compiled> {
         let programs = self.programs.as_deref()?;
-        (self.joints.is_none() || programs.is_short(quantity)).then_some(programs)
+        (!self.by_joints || programs.is_short(quantity)).then_some(programs)
     }
 
     /// The algorithms for trees and their memory, where there are some.
     #[inline]
     fn engine<'a>(&'a self, work: &'a mut Workspace) -> Option<(&'a Engine, &'a mut Machine)> {
-        self.joints.as_deref().zip(work.machine.as_mut())
+        let joints = self.joints.as_deref().filter(|_| self.by_joints);
+        joints.zip(work.machine.as_mut())
     }
 
     /// The same, where no joint follows another.
     #[inline]
-    fn joint_by_joint<'a>(
+    pub(crate) fn joint_by_joint<'a>(
         &'a self,
         work: &'a mut Workspace,
     ) -> Option<(&'a Engine, &'a mut Machine)> {
@@ -509,8 +533,13 @@ impl<L: Lagrangian> Dynamics<L> {
             .filter(|(engine, _)| engine.is_independent())
     }
 
+    /// The algorithms for trees, whether or not they are the route to the equations.
+    pub(crate) fn joints(&self) -> Option<&Engine> {
+        self.joints.as_deref()
+    }
+
     /// v̇ in place of Q by Cholesky's factor of M, which is left in `work`; whether there is one.
-    fn forward_dynamics_by_factor(
+    pub(crate) fn forward_dynamics_by_factor(
         &self,
         q: &[f64],
         v: &[f64],
@@ -555,7 +584,13 @@ impl<L: Lagrangian> Dynamics<L> {
     }
 
     /// Why the forward dynamics has no solution: the cold path behind a failed factorisation. Restores the workspace.
-    fn no_acceleration(&self, q: &[f64], v: &[f64], p: &[f64], work: &mut Workspace) -> Error {
+    pub(crate) fn no_acceleration(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        p: &[f64],
+        work: &mut Workspace,
+    ) -> Error {
         let n = self.nv();
         *work = self.fresh_workspace();
         for (what, vector) in [("q", q), ("v", v), ("p", p)] {

@@ -110,6 +110,7 @@
 //! | ∂v̇/∂q, ∂v̇/∂v, ∂v̇/∂Q = M⁻¹, ∂v̇/∂p, and the same of Q | [`forward_dynamics_derivatives`](Mechanics::forward_dynamics_derivatives), [`inverse_dynamics_derivatives`](Mechanics::inverse_dynamics_derivatives) |
 //! | wᵀ ∂v̇/∂x, for reverse-mode differentiation | [`forward_dynamics_gradient_into`](Mechanics::forward_dynamics_gradient_into) |
 //! | ẋ = A x + B Q around a state | [`linearize`](Mechanics::linearize) |
+//! | ∂T/∂v; where the work of Q goes | [`momentum`](Mechanics::momentum), [`power_balance`](Mechanics::power_balance) |
 //! | Q = Y π, and derivatives in mass, centre and inertia of a link | [`regressor`](Dynamics::regressor), [`forward_dynamics_by_inertia`](Dynamics::forward_dynamics_by_inertia) |
 //! | poses and Jacobians of links, centre of mass | [`mechanism::Tree`] |
 //! | eight states at once | [`inverse_dynamics_lanes_into`](Mechanics::inverse_dynamics_lanes_into) and its like |
@@ -122,9 +123,10 @@
 //!
 //! # In hot loops
 //!
-//! M, C, G, the bias force, both dynamics, their derivatives and gradients have `_into` twins that allocate nothing and take the
-//! constants ([`Mechanics::parameters`]: mass scales of a URDF's bodies, parameters of a text) as an argument; [`Workspace`] is their
-//! memory, one a thread. Momentum, power balance, linearisation and the regressor only come as calls that allocate.
+//! What is computed at a state has a twin that allocates nothing after its first use and takes the constants
+//! ([`Mechanics::parameters`]: mass scales of a URDF's bodies, parameters of a text) as an argument. Its name ends in `_into`, or in
+//! `_with` where it returns a number: energies and power balance. [`Workspace`] is the memory, one a thread. On a tree the regressor
+//! and the derivatives in the inertia of a link use the memory of the other algorithms.
 pub mod constraint;
 mod dynamics;
 pub mod equations;
@@ -142,14 +144,14 @@ mod tree;
 pub mod urdf;
 
 pub use dynamics::Dynamics;
-pub use equations::Workspace;
 pub use equations::derivatives::{ForwardDynamicsDerivatives, InverseDynamicsDerivatives};
 pub use equations::gradient::{ForwardDynamicsGradient, InverseDynamicsGradient};
+pub use equations::{Linear, PowerBalance, Workspace};
 pub use error::{Error, Position, Problem, Problems};
 pub use expression::{Expression, ExpressionError, caret};
 pub use lagrangian::{Coordinate, Lagrangian, Parameter, Role};
 pub use lanes::LANES;
-pub use mechanics::{Linear, Mechanics, PowerBalance};
+pub use mechanics::Mechanics;
 pub use scalar::Scalar;
 pub use text::{Field, TextLagrangian, TextProblem, TextSource};
 pub use trace::{Formulas, FormulasError, Style, Written};

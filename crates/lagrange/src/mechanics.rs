@@ -1,9 +1,9 @@
 //! What a mechanism gives, whatever its energies were written in.
 
-use nalgebra::{DMatrix, DVector, Matrix3};
+use nalgebra::{DMatrix, DVector};
 
 use crate::constraint::Holonomic;
-use crate::equations::{Workspace, gradient, one_by_one};
+use crate::equations::{Linear, PowerBalance, Workspace, gradient, linear, one_by_one, power};
 use crate::{Coordinate, Error, LANES, Parameter, state};
 use crate::{Formulas, FormulasError};
 use crate::{ForwardDynamicsDerivatives, ForwardDynamicsGradient};
@@ -75,6 +75,16 @@ pub trait Mechanics: Send + Sync {
         out: &mut DVector<f64>,
     );
 
+    /// The generalized momenta ∂T/∂v, for T quadratic in v or not: M v where it is.
+    fn momentum_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut DVector<f64>,
+    );
+
     /// M, C and G at once.
     #[allow(clippy::too_many_arguments)]
     fn equations_into(
@@ -131,6 +141,44 @@ pub trait Mechanics: Send + Sync {
         work: &mut Workspace,
         out: &mut ForwardDynamicsDerivatives,
     ) -> Result<(), Error>;
+
+    /// How the work of the generalized force Q = `force` goes into the two energies at this state, W.
+    ///
+    /// With the v̇ of the forward dynamics: dV/dt = v · G, dT/dt = v · (M v̇ + C v), and their sum is Q · v. For T not quadratic in v,
+    /// the second is the rate of v · ∂T/∂v − T, which then takes T's place in the energy that stays.
+    ///
+    /// # Errors
+    /// Those of the forward dynamics.
+    fn power_balance_with(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        force: &[f64],
+        p: &[f64],
+        work: &mut Workspace,
+    ) -> Result<PowerBalance, Error> {
+        power::balance(self, (q, v, force), p, work)
+    }
+
+    /// The linear system ẋ = A x + B Q around the state (q, v) under Q = `force`, for x = (δq, δv): A = [0, 1; ∂v̇/∂q, ∂v̇/∂v],
+    /// B = [0; ∂v̇/∂Q], 2 nv × 2 nv and 2 nv × nv.
+    ///
+    /// Where a joint floats, δq is a displacement along its velocities, in axes that turn with the body: the block of A that is 0 is
+    /// there −ad(v), with −ω× for both halves and −v× from the angular half to the linear one.
+    ///
+    /// # Errors
+    /// Those of the forward dynamics; `out` is then of no use.
+    fn linearize_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        force: &[f64],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut Linear,
+    ) -> Result<(), Error> {
+        linear::linearize(self, (q, v, force), p, work, out)
+    }
 
     /// λᵀ ∂Q/∂(q, v, v̇, p) of the inverse dynamics at (q, v, v̇ = a), for the row λ = `weight`: for a tree at the cost of a few
     /// inverse dynamics, else from [`inverse_dynamics_derivatives_into`](Self::inverse_dynamics_derivatives_into).
@@ -297,24 +345,19 @@ pub trait Mechanics: Send + Sync {
         Ok(out)
     }
 
-    /// The generalized momenta M v, which are ∂T/∂v for T quadratic in v; kg·m/s or kg·m²/s.
+    /// The generalized momenta ∂T/∂v, kg·m/s or kg·m²/s: M v for T quadratic in v.
     fn momentum(&self, q: &[f64], v: &[f64]) -> Result<DVector<f64>, Error> {
         self.check(&[("q", q), ("v", v)])?;
-        Ok(self.mass_matrix(q)? * DVector::from_column_slice(v))
+        let mut out = DVector::zeros(self.nv());
+        self.momentum_into(q, v, &self.nominal(), &mut self.workspace(), &mut out);
+        Ok(out)
     }
 
-    /// How the work of the generalized force Q = `force` goes into the two energies at this state, W; for T quadratic in v.
-    ///
-    /// dT/dt = v · (M v̇ + ½ Ṁ v) = v · (M v̇ + C v) with the v̇ of the forward dynamics; dV/dt = v · G; and their sum is Q · v.
+    /// How the work of the generalized force Q = `force` goes into the two energies at this state: see
+    /// [`power_balance_with`](Self::power_balance_with).
     fn power_balance(&self, q: &[f64], v: &[f64], force: &[f64]) -> Result<PowerBalance, Error> {
-        let a = self.forward_dynamics(q, v, force)?;
-        let v = DVector::from_column_slice(v);
-        let coriolis = self.coriolis_matrix(q, v.as_slice())?;
-        Ok(PowerBalance {
-            input: v.dot(&DVector::from_column_slice(force)),
-            kinetic: v.dot(&(self.mass_matrix(q)? * a + coriolis * &v)),
-            potential: v.dot(&self.gravity_force(q)?),
-        })
+        self.check(&[("q", q), ("v", v), ("force", force)])?;
+        self.power_balance_with(q, v, force, &self.nominal(), &mut self.workspace())
     }
 
     /// The acceleration under Q = `force` and its derivatives in q, v, Q and all constants.
@@ -349,32 +392,13 @@ pub trait Mechanics: Send + Sync {
         Ok(out)
     }
 
-    /// The linear system ẋ = A x + B Q around the state (q, v) under Q = `force`, for x = (δq, δv): A = [0, 1; ∂v̇/∂q, ∂v̇/∂v],
-    /// B = [0; ∂v̇/∂Q], 2 nv × 2 nv and 2 nv × nv.
-    ///
-    /// Where a joint floats, δq is a displacement along its velocities, in axes that turn with the body: the block of A that is 0 is
-    /// there −ad(v), with −ω× for both halves and −v× from the angular half to the linear one.
+    /// The linear system around the state (q, v) under Q = `force`: see [`linearize_into`](Self::linearize_into).
     fn linearize(&self, q: &[f64], v: &[f64], force: &[f64]) -> Result<Linear, Error> {
-        let by = self.forward_dynamics_derivatives(q, v, force)?;
-        let n = self.nv();
-        let mut linear = Linear {
-            a: DMatrix::zeros(2 * n, 2 * n),
-            b: DMatrix::zeros(2 * n, n),
-            acceleration: by.acceleration,
-        };
-        linear.a.view_mut((0, n), (n, n)).fill_with_identity();
-        let mut first = 0;
-        for coordinate in self.coordinates() {
-            if coordinate.floating {
-                let mut block = linear.a.view_mut((first, first), (6, 6));
-                block.copy_from(&carried(&v[first..first + 6]));
-            }
-            first += coordinate.nv();
-        }
-        linear.a.view_mut((n, 0), (n, n)).copy_from(&by.by_q);
-        linear.a.view_mut((n, n), (n, n)).copy_from(&by.by_v);
-        linear.b.view_mut((n, 0), (n, n)).copy_from(&by.by_force);
-        Ok(linear)
+        self.check(&[("q", q), ("v", v), ("force", force)])?;
+        let mut out = Linear::zeros(self.nv());
+        let mut work = self.workspace();
+        self.linearize_into(q, v, force, &self.nominal(), &mut work, &mut out)?;
+        Ok(out)
     }
 
     /// The configuration of all zeros, with quaternions 1 0 0 0.
@@ -416,37 +440,4 @@ pub trait Mechanics: Send + Sync {
         }
         Ok(())
     }
-}
-
-/// Where the work of a generalized force goes; input = kinetic + potential.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PowerBalance {
-    /// Q · v, W.
-    pub input: f64,
-    /// dT/dt, W.
-    pub kinetic: f64,
-    /// dV/dt, W.
-    pub potential: f64,
-}
-
-/// The equations of motion, linear around one state.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Linear {
-    /// 2 nv × 2 nv.
-    pub a: DMatrix<f64>,
-    /// 2 nv × nv.
-    pub b: DMatrix<f64>,
-    /// v̇ at the state itself.
-    pub acceleration: DVector<f64>,
-}
-
-/// −ad of a velocity (linear, angular): how a small displacement in turning axes changes while the body moves with `v`.
-fn carried(v: &[f64]) -> DMatrix<f64> {
-    let cross = |x: &[f64]| Matrix3::new(0.0, -x[2], x[1], x[2], 0.0, -x[0], -x[1], x[0], 0.0);
-    let (linear, angular) = (cross(&v[..3]), cross(&v[3..]));
-    let mut out = DMatrix::zeros(6, 6);
-    out.view_mut((0, 0), (3, 3)).copy_from(&-angular);
-    out.view_mut((0, 3), (3, 3)).copy_from(&-linear);
-    out.view_mut((3, 3), (3, 3)).copy_from(&-angular);
-    out
 }

@@ -155,6 +155,42 @@ proptest! {
         assert_relative_eq!(at.mass_matrix[(0, 0)] * a[0] + at.bias_force[0], force, epsilon = 1e-10);
         assert_relative_eq!(dynamics.inverse_dynamics(&[q], &[v], a.as_slice()).unwrap()[0], force, epsilon = 1e-10);
     }
+
+    #[test]
+    fn the_momentum_is_the_slope_of_an_energy_that_is_not_quadratic(q in -2.0..2.0, v in -3.0..3.0) {
+        let momentum = Dynamics::of(NotQuadratic).momentum(&[q], &[v]).unwrap();
+        // d/dv (−25 √(1 − 0.04 v²) + v sin q)
+        let expected = v / (1.0 - 0.04 * v * v).sqrt() + q.sin();
+        assert_relative_eq!(momentum[0], expected, epsilon = 1e-14, max_relative = 1e-14);
+    }
+
+    #[test]
+    fn work_goes_into_the_energy_that_stays_where_it_is_not_quadratic(q in -2.0..2.0, v in -3.0..3.0, force in -2.0..2.0) {
+        let dynamics = Dynamics::of(NotQuadratic);
+        let balance = dynamics.power_balance(&[q], &[v], &[force]).unwrap();
+        // v ∂T/∂v − T = 25/√(1 − 0.04 v²) − q²/2: its rate is γ³ v v̇ − q v.
+        let a = dynamics.forward_dynamics(&[q], &[v], &[force]).unwrap()[0];
+        let kinetic = v * a / (1.0 - 0.04 * v * v).powf(1.5) - q * v;
+        assert_relative_eq!(balance.kinetic, kinetic, epsilon = 1e-12);
+        assert_relative_eq!(balance.potential, -v * q.sin(), epsilon = 1e-14);
+        assert_relative_eq!(balance.kinetic + balance.potential, balance.input, epsilon = 1e-12);
+        assert_relative_eq!(balance.input, force * v, epsilon = 1e-14);
+    }
+
+    #[test]
+    fn momentum_is_the_same_by_programs_and_by_duals(q in pair(4.0), v in pair(9.0)) {
+        let (compiled, p) = (cart_pole(), [0.5, 0.07, 0.01]);
+        let mut at = [&compiled, &cart_pole().by_duals()].map(|dynamics| {
+            let mut out = DVector::zeros(2);
+            dynamics.momentum_into(&q, &v, &p, &mut dynamics.workspace(), &mut out);
+            out
+        });
+        let mut mass = DMatrix::zeros(2, 2);
+        compiled.mass_matrix_into(&q, &p, &mut compiled.workspace(), &mut mass);
+        let [x, y] = &mut at;
+        assert_relative_eq!(x, y, max_relative = 1e-13, epsilon = 1e-13);
+        assert_relative_eq!(*x, mass * DVector::from_column_slice(&v), max_relative = 1e-13, epsilon = 1e-13);
+    }
 }
 
 #[test]

@@ -434,6 +434,17 @@ impl<M: Mechanics, C: Constraint> Mechanics for Constrained<M, C> {
         self.free.inverse_dynamics_into(q, v, a, p, work, out);
     }
 
+    fn momentum_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut DVector<f64>,
+    ) {
+        self.free.momentum_into(q, v, p, work, out);
+    }
+
     fn equations_into(
         &self,
         q: &[f64],

@@ -53,6 +53,24 @@ pub(crate) fn gravity_force<L: Lagrangian>(
     }
 }
 
+/// ∂T/∂v, by n dual evaluations of T; for T quadratic in v or not.
+pub(crate) fn momentum<L: Lagrangian>(
+    lagrangian: &L,
+    q: &[f64],
+    v: &[f64],
+    p: &[f64],
+    work: &mut Workspace,
+    momentum: &mut DVector<f64>,
+) {
+    let at = &mut work.dual;
+    at.set(q, v, p);
+    for i in 0..q.len() {
+        at.v[i].eps = 1.0;
+        momentum[i] = lagrangian.kinetic_with(&at.q, &at.v, &at.p).eps;
+        at.v[i].eps = 0.0;
+    }
+}
+
 /// C v + G, on the left-hand side, by n hyper-dual and n dual evaluations:
 ///
 /// (C v + G)_i = d/ds ∂T/∂v_i (q + s v, v) − ∂T/∂q_i + ∂V/∂q_i.

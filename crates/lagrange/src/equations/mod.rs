@@ -13,8 +13,12 @@ pub(crate) mod coriolis;
 pub(crate) mod derivatives;
 pub(crate) mod fast;
 pub(crate) mod gradient;
+pub(crate) mod linear;
 pub(crate) mod one_by_one;
+pub(crate) mod power;
 pub mod reference;
 mod workspace;
 
+pub use linear::Linear;
+pub use power::PowerBalance;
 pub use workspace::Workspace;

@@ -18,6 +18,8 @@ const LONGEST: usize = 6_000;
 pub(crate) enum Quantity {
     Mass,
     Gravity,
+    /// ∂T/∂v.
+    Momentum,
     Coriolis,
     /// M, C and G.
     Terms,
@@ -39,6 +41,8 @@ pub(crate) struct Compiled {
     mass: Program,
     /// G.
     gravity: Program,
+    /// ∂T/∂v.
+    momentum: Program,
     /// C.
     coriolis: Program,
     /// M, C, G.
@@ -58,6 +62,7 @@ pub(crate) struct Compiled {
 pub(crate) struct Registers {
     mass: Vec<f64>,
     gravity: Vec<f64>,
+    momentum: Vec<f64>,
     coriolis: Vec<f64>,
     terms: Vec<f64>,
     bias: Vec<f64>,
@@ -143,6 +148,7 @@ impl Compiled {
             np,
             mass: program(&[&mass]),
             gravity: program(&[&potential_by_q]),
+            momentum: program(&[&momentum]),
             coriolis: program(&[&coriolis]),
             terms: program(&[&mass, &coriolis, &potential_by_q]),
             bias: program(&[&bias]),
@@ -162,6 +168,7 @@ impl Compiled {
         let (program, most) = match quantity {
             Quantity::Mass => (&self.mass, 70),
             Quantity::Gravity => (&self.gravity, 70),
+            Quantity::Momentum => (&self.momentum, 70),
             Quantity::Coriolis => (&self.coriolis, 110),
             Quantity::Terms => (&self.terms, 120),
             Quantity::Bias => (&self.bias, 70),
@@ -176,6 +183,7 @@ impl Compiled {
         Registers {
             mass: self.mass.registers(),
             gravity: self.gravity.registers(),
+            momentum: self.momentum.registers(),
             coriolis: self.coriolis.registers(),
             terms: self.terms.registers(),
             bias: self.bias.registers(),
@@ -213,6 +221,11 @@ impl Compiled {
     /// G.
     pub fn gravity_force(&self, at: Arguments, registers: &mut Registers, out: &mut DVector<f64>) {
         self.run(&self.gravity, at, &mut registers.gravity, out.iter_mut());
+    }
+
+    /// ∂T/∂v.
+    pub fn momentum(&self, at: Arguments, registers: &mut Registers, out: &mut DVector<f64>) {
+        self.run(&self.momentum, at, &mut registers.momentum, out.iter_mut());
     }
 
     /// C.

@@ -7,6 +7,7 @@ use super::inverse_dynamics::Link;
 use super::plan::Plan;
 use super::sink::Sides;
 use super::state::State;
+use super::vector::Spatial;
 use crate::Scalar;
 use crate::lanes::{LANES, Lanes, Single};
 
@@ -23,6 +24,7 @@ pub struct TreeMemory<D> {
     pub sums: Vec<Sums<D>>,
     pub articulated: Vec<Articulated<D>>,
     pub weighed: Vec<Weighed<D>>,
+    pub momenta: Vec<Spatial<D>>,
     /// Q, and in its place v̇.
     pub force: Vec<D>,
     /// M in the order of the degrees of freedom, row after row; then its factor.
@@ -44,6 +46,7 @@ impl<D: Scalar> TreeMemory<D> {
             sums: Sums::memory(plan),
             articulated: Articulated::memory(plan),
             weighed: Weighed::memory(plan),
+            momenta: vec![Spatial::zero(); plan.bodies.len()],
             force: vec![D::zero(); plan.nv],
             mass: vec![D::zero(); matrices],
             rows: vec![D::zero(); 4 * n + plan.np],
@@ -71,7 +74,7 @@ impl<const FUSED: bool> Memory<FUSED> {
 }
 
 /// What a number is outside of the algorithms: of one state, or of eight.
-pub trait Width: Copy + Default + Send + Sync + 'static {
+pub trait Width: nalgebra::Scalar + Copy + Default + Send + Sync {
     type Number<const FUSED: bool>: Scalar;
     fn memory<const FUSED: bool>(
         memory: &mut Memory<FUSED>,

@@ -1,30 +1,32 @@
 //! The algorithms of one tree, called with plain numbers.
 
-use nalgebra::{DMatrix, DVector};
-
-use super::dispatch::{FEW, Machine};
+use super::dispatch::{FEW, Machine, Width};
 use super::kernels::{
     At, ByMassScale, CoriolisMatrix, Equations, ForwardDerivatives, ForwardDynamics,
     ForwardDynamicsByMass, ForwardGradient, GravityForce, InverseDerivatives, InverseDynamics,
-    InverseGradient, MassMatrix,
+    InverseGradient, MassMatrix, Momentum, Solve,
 };
 use super::plan::Plan;
+use super::regressor::{Place, UnitForces};
 use crate::mechanism::Tree;
 use crate::{
     ForwardDynamicsDerivatives, ForwardDynamicsGradient, InverseDynamicsDerivatives,
-    InverseDynamicsGradient, LANES,
+    InverseDynamicsGradient,
 };
 
 /// The equations of motion of one tree of rigid bodies.
 #[derive(Debug, Clone)]
 pub struct Engine {
     plan: Plan,
+    /// The links that move.
+    places: Vec<Place>,
 }
 
 impl Engine {
     pub fn of(tree: &Tree) -> Self {
         Engine {
             plan: Plan::of(tree),
+            places: Place::of(tree),
         }
     }
 
@@ -38,71 +40,53 @@ impl Engine {
         self.plan.independent
     }
 
-    pub fn mass_matrix(&self, at: At<f64>, machine: &mut Machine, out: &mut DMatrix<f64>) {
-        let mass = out.as_mut_slice();
+    pub fn mass_matrix<T: Width>(&self, at: At<T>, machine: &mut Machine, mass: &mut [T]) {
         machine.run(&self.plan, MassMatrix { at, mass });
     }
 
-    pub fn mass_matrix_lanes(
-        &self,
-        at: At<[f64; LANES]>,
-        machine: &mut Machine,
-        mass: &mut [[f64; LANES]],
-    ) {
-        machine.run(&self.plan, MassMatrix { at, mass });
-    }
-
-    pub fn coriolis_matrix(&self, at: At<f64>, machine: &mut Machine, out: &mut DMatrix<f64>) {
-        let coriolis = out.as_mut_slice();
+    pub fn coriolis_matrix<T: Width>(&self, at: At<T>, machine: &mut Machine, coriolis: &mut [T]) {
         machine.run(&self.plan, CoriolisMatrix { at, coriolis });
     }
 
-    pub fn gravity_force(&self, at: At<f64>, machine: &mut Machine, out: &mut DVector<f64>) {
-        let out = out.as_mut_slice();
+    pub fn gravity_force<T: Width>(&self, at: At<T>, machine: &mut Machine, out: &mut [T]) {
         machine.run(&self.plan, GravityForce { at, out });
     }
 
-    pub fn equations(
+    pub fn equations<T: Width>(
         &self,
-        at: At<f64>,
+        at: At<T>,
         machine: &mut Machine,
-        mass: &mut DMatrix<f64>,
-        coriolis: &mut DMatrix<f64>,
-        gravity: &mut DVector<f64>,
+        mass: &mut [T],
+        coriolis: &mut [T],
+        gravity: &mut [T],
     ) {
         let kernel = Equations {
             at,
-            mass: mass.as_mut_slice(),
-            coriolis: coriolis.as_mut_slice(),
-            gravity: gravity.as_mut_slice(),
+            mass,
+            coriolis,
+            gravity,
         };
         machine.run(&self.plan, kernel);
     }
 
-    /// Q, or the bias force without an acceleration.
-    pub fn inverse_dynamics(
-        &self,
-        at: At<f64>,
-        a: Option<&[f64]>,
-        machine: &mut Machine,
-        out: &mut [f64],
-    ) {
-        machine.run(&self.plan, InverseDynamics { at, a, out });
+    /// M v.
+    pub fn momentum<T: Width>(&self, at: At<T>, machine: &mut Machine, out: &mut [T]) {
+        machine.run(&self.plan, Momentum { at, out });
     }
 
-    pub fn inverse_dynamics_lanes(
+    /// Q, or the bias force without an acceleration.
+    pub fn inverse_dynamics<T: Width>(
         &self,
-        at: At<[f64; LANES]>,
-        a: &[[f64; LANES]],
+        at: At<T>,
+        a: Option<&[T]>,
         machine: &mut Machine,
-        out: &mut [[f64; LANES]],
+        out: &mut [T],
     ) {
-        let a = Some(a);
         machine.run(&self.plan, InverseDynamics { at, a, out });
     }
 
     /// v̇ in place of Q; not finite where there is none.
-    pub fn forward_dynamics(&self, at: At<f64>, machine: &mut Machine, force: &mut [f64]) {
+    pub fn forward_dynamics<T: Width>(&self, at: At<T>, machine: &mut Machine, force: &mut [T]) {
         if self.plan.dofs.len() <= FEW {
             machine.run(&self.plan, ForwardDynamicsByMass { at, force });
         } else {
@@ -110,17 +94,34 @@ impl Engine {
         }
     }
 
-    pub fn forward_dynamics_lanes(
-        &self,
-        at: At<[f64; LANES]>,
-        machine: &mut Machine,
-        force: &mut [[f64; LANES]],
-    ) {
-        if self.plan.dofs.len() <= FEW {
-            machine.run(&self.plan, ForwardDynamicsByMass { at, force });
-        } else {
-            machine.run(&self.plan, ForwardDynamics { at, force });
+    /// The same through the factor of M, which is left in the memory for [`solve`](Self::solve).
+    pub fn forward_dynamics_by_mass(&self, at: At<f64>, machine: &mut Machine, force: &mut [f64]) {
+        machine.run(&self.plan, ForwardDynamicsByMass { at, force });
+    }
+
+    /// M⁻¹ times each of some columns, with the factor that is left in the memory.
+    pub fn solve<T: Width>(&self, machine: &mut Machine, columns: &mut [T]) {
+        for rhs in columns.chunks_exact_mut(self.plan.nv.max(1)) {
+            machine.run(&self.plan, Solve { rhs });
         }
+    }
+
+    /// Q for each unit inertial parameter of each moving link, or of one of them, column after column. With the index of a moving link.
+    pub fn unit_forces(
+        &self,
+        at: At<f64>,
+        a: &[f64],
+        link: Option<usize>,
+        machine: &mut Machine,
+        out: &mut [f64],
+    ) {
+        let one = link.map(|link| self.places.partition_point(|place| place.link < link));
+        let places = match one {
+            Some(k) => &self.places[k..=k],
+            None => &self.places,
+        };
+        let kernel = UnitForces { at, a, places, out };
+        machine.run(&self.plan, kernel);
     }
 
     pub fn inverse_derivatives(
@@ -183,7 +184,7 @@ impl Engine {
         for k in 0..constants.len() {
             let column = &mut out.by_p.as_mut_slice()[k * n..(k + 1) * n];
             column.iter_mut().for_each(|x| *x = -*x);
-            machine.run(&self.plan, super::kernels::Solve { rhs: column });
+            machine.run(&self.plan, Solve { rhs: column });
         }
     }
 

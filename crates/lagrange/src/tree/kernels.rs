@@ -11,7 +11,7 @@ use super::inverse_dynamics::Link;
 use super::plan::Plan;
 use super::sink::{self, Columns, Sides};
 use super::state::State;
-use super::{articulated, derivatives, factor, gradient, inverse_dynamics, matrices};
+use super::{articulated, derivatives, factor, gradient, inverse_dynamics, matrices, momentum};
 use crate::Scalar;
 use crate::lanes::LANES;
 
@@ -24,7 +24,7 @@ pub struct At<'a, T> {
 }
 
 #[inline(always)]
-fn load<T: Width, const F: bool>(to: &mut [T::Number<F>], from: &[T]) {
+pub(super) fn load<T: Width, const F: bool>(to: &mut [T::Number<F>], from: &[T]) {
     for (to, from) in to.iter_mut().zip(from) {
         *to = from.lift();
     }
@@ -33,7 +33,7 @@ fn load<T: Width, const F: bool>(to: &mut [T::Number<F>], from: &[T]) {
 impl<T: Width> At<'_, T> {
     /// The state into the memory of its width.
     #[inline(always)]
-    fn load<'m, const F: bool>(
+    pub(super) fn load<'m, const F: bool>(
         &self,
         plan: &Plan,
         memory: &'m mut Memory<F>,
@@ -138,6 +138,30 @@ impl<T: Width> Kernel for GravityForce<'_, T> {
         memory.state.v.fill(Scalar::zero());
         memory.state.a.fill(Scalar::zero());
         store::<T, F>(self.out, memory.inverse(plan));
+    }
+}
+
+/// M v.
+pub struct Momentum<'a, T> {
+    pub at: At<'a, T>,
+    pub out: &'a mut [T],
+}
+
+impl<T: Width> Kernel for Momentum<'_, T> {
+    #[inline(always)]
+    fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
+        let memory = self.at.load::<F>(plan, memory);
+        let TreeMemory {
+            state,
+            moved,
+            axes,
+            momenta,
+            force,
+            ..
+        } = memory;
+        motion::<_, VELOCITY>(plan, state, moved, axes);
+        momentum::momentum(plan, state, (moved, axes), momenta, force);
+        store::<T, F>(self.out, force);
     }
 }
 
@@ -391,22 +415,22 @@ impl Kernel for ByMassScale<'_> {
     }
 }
 
-/// M⁻¹ times a vector, with the factor that [`ForwardDerivatives`] has left.
-pub struct Solve<'a> {
-    pub rhs: &'a mut [f64],
+/// M⁻¹ times a vector, with the factor that [`ForwardDerivatives`] or [`ForwardDynamicsByMass`] has left.
+pub struct Solve<'a, T> {
+    pub rhs: &'a mut [T],
 }
 
-impl Kernel for Solve<'_> {
+impl<T: Width> Kernel for Solve<'_, T> {
     #[inline(always)]
     fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
-        let TreeMemory { mass, rows, .. } = f64::memory(memory);
+        let TreeMemory { mass, rows, .. } = T::memory(memory);
         let rows = &mut rows[..plan.dofs.len()];
         for (row, dof) in rows.iter_mut().zip(&plan.dofs) {
             *row = self.rhs[dof.v].lift();
         }
         factor::solve(plan, mass, rows, 1);
         for (row, dof) in rows.iter().zip(&plan.dofs) {
-            self.rhs[dof.v] = f64::drop(*row);
+            self.rhs[dof.v] = T::drop(*row);
         }
     }
 }

@@ -8,6 +8,7 @@
 //! | `inverse_dynamics` | Q and the bias force, body by body in its own axes |
 //! | `common` | all bodies in one frame: motions, and sums over all that a joint carries |
 //! | `matrices` | M, C, G |
+//! | `momentum` | M v in O(n) |
 //! | `derivatives` | ∂Q/∂q, ∂Q/∂v |
 //! | `gradient` | λᵀ ∂Q/∂x in O(n) |
 //! | `regressor` | Y of Q = Y π, and derivatives in mass, centre and inertia |
@@ -27,6 +28,7 @@ mod gradient;
 mod inverse_dynamics;
 mod kernels;
 mod matrices;
+mod momentum;
 mod plan;
 mod regressor;
 mod sink;

@@ -1,13 +1,18 @@
 //! How the generalized force depends on the inertia of each link.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
 
-use super::common::{ACCELERATION, Axis, Moved, motion};
+use super::common::{ACCELERATION, Moved, motion};
+use super::dispatch::{Kernel, Memory, TreeMemory, Width};
+use super::engine::Engine;
+use super::kernels::{At, load};
 use super::plan::Plan;
-use super::state::State;
-use super::vector::Spatial;
+use super::vector::{
+    Matrix, Spatial, Vector, constant, constant_columns, cross, cross_add, dot, product, scale,
+    scale_add, times_add,
+};
 use crate::mechanism::{Inertia, Tree};
-use crate::{Dynamics, Error, Mechanics};
+use crate::{Dynamics, Error, Mechanics, Scalar, Workspace};
 
 /// Inertial parameters of one link.
 pub const INERTIAL_PARAMETERS: usize = 10;
@@ -43,8 +48,7 @@ const ENTRIES: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1
 impl Dynamics<Tree> {
     /// Indices, among [`links`](Tree::links), of the links that move: ten columns of the regressor each.
     pub fn moving_links(&self) -> Vec<usize> {
-        let links = self.lagrangian().links().iter().enumerate();
-        links.filter_map(|(k, link)| link.body.map(|_| k)).collect()
+        self.lagrangian().moving().map(|(link, _)| link).collect()
     }
 
     /// π of all moving links, one after the other; zeros for links without inertia.
@@ -73,15 +77,25 @@ impl Dynamics<Tree> {
     /// When a vector has the wrong length or an entry that is not finite.
     pub fn regressor(&self, q: &[f64], v: &[f64], a: &[f64]) -> Result<DMatrix<f64>, Error> {
         self.check(&[("q", q), ("v", v), ("a", a)])?;
-        let at = At::new(self.lagrangian(), q, v, a);
-        let moving = self.moving_links();
-        let mut out = DMatrix::zeros(self.nv(), INERTIAL_PARAMETERS * moving.len());
-        for (k, &link) in moving.iter().enumerate() {
-            at.columns(self.lagrangian(), link, |row, column, x| {
-                out[(row, INERTIAL_PARAMETERS * k + column)] += x;
-            });
-        }
+        let columns = INERTIAL_PARAMETERS * self.moving_links().len();
+        let mut out = DMatrix::zeros(self.nv(), columns);
+        self.regressor_into(q, v, a, &mut self.workspace(), &mut out);
         Ok(out)
+    }
+
+    /// The twin of [`regressor`](Self::regressor) that checks and allocates nothing; panics when a length is wrong. Y depends on no
+    /// constants: factors on masses are factors on π.
+    pub fn regressor_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        a: &[f64],
+        work: &mut Workspace,
+        out: &mut DMatrix<f64>,
+    ) {
+        let columns = INERTIAL_PARAMETERS * self.lagrangian().moving().count();
+        assert_eq!(out.shape(), (self.nv(), columns), "the shape of Y");
+        self.unit_forces((q, v, a), None, work, out);
     }
 
     /// ∂Q/∂(m, c, I_c) of one link (its index among [`links`](Tree::links)) at (q, v, v̇ = a), nv × 10: mass, centre of mass (x, y, z) and
@@ -98,16 +112,36 @@ impl Dynamics<Tree> {
         a: &[f64],
     ) -> Result<DMatrix<f64>, Error> {
         self.check(&[("q", q), ("v", v), ("a", a)])?;
-        let count = self.lagrangian().links().len();
-        if link >= count {
-            return Err(Error::NoSuchLink { link, count });
+        self.check_link(link)?;
+        let mut out = DMatrix::zeros(self.nv(), INERTIAL_PARAMETERS);
+        let (p, work) = (self.nominal(), &mut self.workspace());
+        self.inverse_dynamics_by_inertia_into(link, q, v, a, &p, work, &mut out);
+        Ok(out)
+    }
+
+    /// The twin of [`inverse_dynamics_by_inertia`](Self::inverse_dynamics_by_inertia) that checks and allocates nothing; panics when
+    /// there is no such link or a length is wrong. The factor on the body's mass in `p` is a factor on the whole.
+    #[allow(clippy::too_many_arguments)]
+    pub fn inverse_dynamics_by_inertia_into(
+        &self,
+        link: usize,
+        q: &[f64],
+        v: &[f64],
+        a: &[f64],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut DMatrix<f64>,
+    ) {
+        assert_eq!(out.shape(), (self.nv(), INERTIAL_PARAMETERS), "the shape");
+        let Some(factor) = self.factor(link, p) else {
+            return out.fill(0.0);
+        };
+        self.unit_forces((q, v, a), Some(link), work, out);
+        let by = by_mass_centre_inertia(&self.link_inertia(link)) * factor;
+        for mut row in out.row_iter_mut() {
+            let of_pi = row.fixed_columns::<INERTIAL_PARAMETERS>(0).into_owned();
+            row.copy_from(&(of_pi * by));
         }
-        let mut by_pi = DMatrix::<f64>::zeros(self.nv(), INERTIAL_PARAMETERS);
-        let at = At::new(self.lagrangian(), q, v, a);
-        at.columns(self.lagrangian(), link, |row, column, x| {
-            by_pi[(row, column)] += x;
-        });
-        Ok(by_pi * by_mass_centre_inertia(&self.link_inertia(link)))
     }
 
     /// ∂v̇/∂(m, c, I_c) of one link at (q, v) under Q = `force`, nv × 10, columns as in
@@ -122,9 +156,97 @@ impl Dynamics<Tree> {
         v: &[f64],
         force: &[f64],
     ) -> Result<DMatrix<f64>, Error> {
-        let by = self.forward_dynamics_derivatives(q, v, force)?;
-        let a = by.acceleration.as_slice();
-        Ok(-by.by_force * self.inverse_dynamics_by_inertia(link, q, v, a)?)
+        self.check(&[("q", q), ("v", v), ("force", force)])?;
+        self.check_link(link)?;
+        let mut out = DMatrix::zeros(self.nv(), INERTIAL_PARAMETERS);
+        let (p, work) = (self.nominal(), &mut self.workspace());
+        self.forward_dynamics_by_inertia_into(link, q, v, force, &p, work, &mut out)?;
+        Ok(out)
+    }
+
+    /// The twin of [`forward_dynamics_by_inertia`](Self::forward_dynamics_by_inertia) that checks and allocates nothing; panics when
+    /// there is no such link or a length is wrong.
+    ///
+    /// # Errors
+    /// When M has no inverse; `out` is then of no use.
+    #[allow(clippy::too_many_arguments)]
+    pub fn forward_dynamics_by_inertia_into(
+        &self,
+        link: usize,
+        q: &[f64],
+        v: &[f64],
+        force: &[f64],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut DMatrix<f64>,
+    ) -> Result<(), Error> {
+        let mut one = std::mem::take(&mut work.lane);
+        one.out.copy_from_slice(force);
+        let a = &mut one.out;
+        let by_joints = match self.joint_by_joint(work) {
+            Some((engine, machine)) => {
+                engine.forward_dynamics_by_mass(At { q, v, p }, machine, a.as_mut_slice());
+                true
+            }
+            None => {
+                let solved = self.forward_dynamics_by_factor(q, v, p, work, a);
+                if !solved {
+                    a.fill(f64::NAN);
+                }
+                false
+            }
+        };
+        let result = if a.iter().all(|a| a.is_finite()) {
+            // The factor of M is left in the memory of either route, and stays while the columns are found.
+            self.inverse_dynamics_by_inertia_into(link, q, v, a.as_slice(), p, work, out);
+            out.neg_mut();
+            match self.joint_by_joint(work).filter(|_| by_joints) {
+                Some((engine, machine)) => engine.solve(machine, out.as_mut_slice()),
+                None => work.solve_mass(out),
+            }
+            Ok(())
+        } else {
+            Err(self.no_acceleration(q, v, p, work))
+        };
+        work.lane = one;
+        result
+    }
+
+    /// Q for each unit inertial parameter of all moving links, or of one.
+    fn unit_forces(
+        &self,
+        (q, v, a): (&[f64], &[f64], &[f64]),
+        link: Option<usize>,
+        work: &mut Workspace,
+        out: &mut DMatrix<f64>,
+    ) {
+        let made;
+        let engine = match self.joints() {
+            Some(engine) => engine,
+            None => {
+                made = Engine::of(self.lagrangian());
+                &made
+            }
+        };
+        let machine = work.machine.get_or_insert_with(|| engine.machine());
+        let at = At { q, v, p: &[] };
+        engine.unit_forces(at, a, link, machine, out.as_mut_slice());
+    }
+
+    fn check_link(&self, link: usize) -> Result<(), Error> {
+        let count = self.lagrangian().links().len();
+        if link >= count {
+            return Err(Error::NoSuchLink { link, count });
+        }
+        Ok(())
+    }
+
+    /// The factor on the inertia of a link's body; none for a link that does not move.
+    fn factor(&self, link: usize, p: &[f64]) -> Option<f64> {
+        let tree = self.lagrangian();
+        let body = &tree.bodies()[tree.links()[link].body?];
+        let parameter = tree.nodes[body.node].parameter;
+        Some(parameter.map_or(1.0, |k| p[k]))
     }
 
     /// In and about the origin of the link's frame.
@@ -134,10 +256,20 @@ impl Dynamics<Tree> {
     }
 }
 
+impl Tree {
+    /// The links that move, with the index of their body.
+    fn moving(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let links = self.links().iter().enumerate();
+        links.filter_map(|(k, link)| link.body.map(|body| (k, body)))
+    }
+}
+
 /// ∂π/∂(m, c, I_c): h = m c, I = I_c + m (c·c 1 − c cᵀ).
-fn by_mass_centre_inertia(inertia: &Inertia) -> DMatrix<f64> {
+fn by_mass_centre_inertia(
+    inertia: &Inertia,
+) -> SMatrix<f64, INERTIAL_PARAMETERS, INERTIAL_PARAMETERS> {
     let (m, c) = (inertia.mass, inertia.centre());
-    let mut out = DMatrix::zeros(INERTIAL_PARAMETERS, INERTIAL_PARAMETERS);
+    let mut out = SMatrix::zeros();
     let parallel = Matrix3::identity() * c.dot(&c) - c * c.transpose();
     out[(0, 0)] = 1.0;
     for k in 0..3 {
@@ -157,74 +289,112 @@ fn by_mass_centre_inertia(inertia: &Inertia) -> DMatrix<f64> {
     out
 }
 
-/// All motions at one state.
-struct At {
-    plan: Plan,
-    moved: Vec<Moved<f64>>,
-    axes: Vec<Axis<f64>>,
+/// A moving link in the frame of its body.
+#[derive(Debug, Clone)]
+pub struct Place {
+    /// Its index among the links of the tree.
+    pub link: usize,
+    body: usize,
+    /// Its axes, as columns.
+    axes: [[f64; 3]; 3],
+    origin: [f64; 3],
 }
 
-impl At {
-    fn new(tree: &Tree, q: &[f64], v: &[f64], a: &[f64]) -> Self {
-        let plan = Plan::of(tree);
-        let mut state = State::new(&plan);
-        state.q.copy_from_slice(q);
-        state.v.copy_from_slice(v);
-        state.a.copy_from_slice(a);
-        state.turn(&plan);
-        let (mut moved, mut axes) = (Moved::memory(&plan), Axis::memory(&plan));
-        motion::<f64, ACCELERATION>(&plan, &state, &mut moved, &mut axes);
-        At { plan, moved, axes }
+impl Place {
+    /// Of all links that move, in their order.
+    pub fn of(tree: &Tree) -> Vec<Self> {
+        let moving = tree.moving().map(|(k, body)| {
+            let pose = &tree.links()[k].pose;
+            let axes = pose.rotation.to_rotation_matrix().into_inner();
+            Place {
+                link: k,
+                body: tree.bodies()[body].node,
+                axes: axes.into(),
+                origin: pose.translation.vector.into(),
+            }
+        });
+        moving.collect()
     }
+}
 
-    /// Q for each unit inertial parameter of one link: `put(row, column, entry)`, to be added up.
-    ///
-    /// With the acceleration a of the link's origin (less gravity), its axes e_k, ω and ω̇:
-    ///
-    /// - of m: F = a
-    /// - of m c_k: F = ω̇ × e_k + ω × (ω × e_k), N = e_k × a
-    /// - of I_kl: N = J ω̇ + ω × J ω with J = e_k e_lᵀ + e_l e_kᵀ (e_k e_kᵀ for k = l)
-    fn columns(&self, tree: &Tree, link: usize, mut put: impl FnMut(usize, usize, f64)) {
-        let link = &tree.links()[link];
-        let Some(node) = link.body.map(|b| tree.bodies()[b].node) else {
-            return;
-        };
-        let moved = &self.moved[node];
-        let to_common = Matrix3::from_columns(&moved.rotation.map(Vector3::from));
-        let axes = to_common * link.pose.rotation.to_rotation_matrix().matrix();
-        let origin = to_common * link.pose.translation.vector + Vector3::from(moved.origin);
-        let pair = |s: &Spatial<f64>| (Vector3::from(s.angular), Vector3::from(s.linear));
-        let (w, u) = pair(&moved.velocity);
-        let (w_rate, u_rate) = pair(&moved.acceleration);
-        let velocity = u + w.cross(&origin);
-        let a = u_rate + w_rate.cross(&origin) + w.cross(&velocity);
-        let e = |k: usize| -> Vector3<f64> { axes.column(k).into() };
+/// Q for each unit inertial parameter of some links, one column each.
+pub struct UnitForces<'a> {
+    pub at: At<'a, f64>,
+    pub a: &'a [f64],
+    pub places: &'a [Place],
+    /// nv × 10 a link, column after column.
+    pub out: &'a mut [f64],
+}
 
-        let mut column = |index: usize, force: Vector3<f64>, moment: Vector3<f64>| {
-            let wrench = Spatial {
-                angular: (moment + origin.cross(&force)).into(),
-                linear: force.into(),
-            };
-            let body = &self.plan.bodies[node];
+impl Kernel for UnitForces<'_> {
+    #[inline(always)]
+    fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
+        let memory = self.at.load::<F>(plan, memory);
+        load::<f64, F>(&mut memory.state.a, self.a);
+        let TreeMemory {
+            state, moved, axes, ..
+        } = memory;
+        motion::<_, ACCELERATION>(plan, state, moved, axes);
+        self.out.fill(0.0);
+        let columns = self.out.chunks_exact_mut(INERTIAL_PARAMETERS * plan.nv);
+        for (place, columns) in self.places.iter().zip(columns) {
+            let wrenches = unit_wrenches(place, &moved[place.body]);
+            let body = &plan.bodies[place.body];
             let mut at = Some(body.first + body.freedom.dof() - 1);
             while let Some(j) = at {
-                let dof = &self.plan.dofs[j];
-                put(dof.v, index, self.axes[j].s.dot(&wrench) * dof.ratio);
+                let dof = &plan.dofs[j];
+                for (k, wrench) in wrenches.iter().enumerate() {
+                    let entry = axes[j].s.dot(wrench) * dof.ratio;
+                    columns[k * plan.nv + dof.v] += f64::drop(entry);
+                }
                 at = dof.above;
             }
+        }
+    }
+}
+
+/// The wrench of each unit inertial parameter of a link, about the common origin.
+///
+/// With the acceleration a of the link's origin (less gravity), its axes e_k, ω and ω̇:
+///
+/// - of m: F = a
+/// - of m c_k: F = ω̇ × e_k + ω × (ω × e_k), N = e_k × a
+/// - of I_kl: N = J ω̇ + ω × J ω with J = e_k e_lᵀ + e_l e_kᵀ (e_k e_kᵀ for k = l)
+#[inline(always)]
+fn unit_wrenches<D: Scalar>(place: &Place, moved: &Moved<D>) -> [Spatial<D>; INERTIAL_PARAMETERS] {
+    let e = product(&moved.rotation, &constant_columns(&place.axes));
+    let origin = times_add(&moved.rotation, &constant(&place.origin), &moved.origin);
+    let (w, u) = (&moved.velocity.angular, &moved.velocity.linear);
+    let (w_rate, u_rate) = (&moved.acceleration.angular, &moved.acceleration.linear);
+    let velocity = cross_add(w, &origin, u);
+    let a = cross_add(w, &velocity, &cross_add(w_rate, &origin, u_rate));
+
+    let mut out = [Spatial::zero(); INERTIAL_PARAMETERS];
+    out[0] = Spatial {
+        angular: cross(&origin, &a),
+        linear: a,
+    };
+    for k in 0..3 {
+        let turning = cross_add(w_rate, &e[k], &cross(w, &cross(w, &e[k])));
+        out[1 + k] = Spatial {
+            angular: cross_add(&origin, &turning, &cross(&e[k], &a)),
+            linear: turning,
         };
-        column(0, a, Vector3::zeros());
-        for k in 0..3 {
-            let turning = w_rate.cross(&e(k)) + w.cross(&w.cross(&e(k)));
-            column(1 + k, turning, e(k).cross(&a));
-        }
-        for (index, &(k, l)) in ENTRIES.iter().enumerate() {
-            let spin = |x: &Vector3<f64>| match k == l {
-                true => e(k) * e(k).dot(x),
-                false => e(k) * e(l).dot(x) + e(l) * e(k).dot(x),
-            };
-            let moment = spin(&w_rate) + w.cross(&spin(&w));
-            column(4 + index, Vector3::zeros(), moment);
-        }
+    }
+    for (index, (k, l)) in ENTRIES.into_iter().enumerate() {
+        let (spin, spin_rate) = (spin(&e, (k, l), w), spin(&e, (k, l), w_rate));
+        out[4 + index].angular = cross_add(w, &spin, &spin_rate);
+    }
+    out
+}
+
+/// J x for the unit entry (k, l) of the inertia.
+#[inline(always)]
+fn spin<D: Scalar>(e: &Matrix<D>, (k, l): (usize, usize), x: &Vector<D>) -> Vector<D> {
+    let half = scale(&e[k], dot(&e[l], x));
+    if k == l {
+        half
+    } else {
+        scale_add(&e[l], dot(&e[k], x), &half)
     }
 }
