@@ -4,7 +4,7 @@
 
 use std::error::Error;
 
-use integrators::roll_out;
+use integrators::{Ode, Rk4, roll_out};
 use lagrange::urdf::{self, Options};
 use lagrange::{Dynamics, Mechanics};
 
@@ -37,12 +37,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     // Free motion, Q = 0, for 1 s.
     let times: Vec<f64> = (0..=10).map(|k| 0.1 * f64::from(k)).collect();
     let free = vec![0.0; n];
-    let states = roll_out(&times, &[(); 10], 100, &[q, v].concat(), |_t, x, _u, dx| {
+    let motion = Ode::new(2 * n, |_t, x: &[f64], _u: &(), dx: &mut [f64]| {
         let (q, v) = x.split_at(n);
         dx[..n].copy_from_slice(v);
         dx[n..].copy_from_slice(robot.forward_dynamics(q, v, &free)?.as_slice());
         Ok::<(), lagrange::Error>(())
-    })?;
+    });
+    let initial = [q, v].concat();
+    let states = roll_out(&motion, Rk4::default(), &times, &[(); 10], 100, &initial)?;
     let energy = |x: &[f64]| robot.total_energy(&x[..n], &x[n..]);
     let start = energy(&states[0])?;
     for (t, x) in times.iter().zip(&states) {

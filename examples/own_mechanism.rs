@@ -4,7 +4,7 @@
 
 use std::error::Error;
 
-use integrators::roll_out;
+use integrators::{Ode, Rk4, roll_out};
 use lagrange::{Dynamics, Lagrangian, Mechanics, Scalar};
 
 struct SwingingSpring {
@@ -37,19 +37,15 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     // x = (r, theta, ṙ, θ̇); 2 s in samples of 0.1 s, 50 steps each, with friction −0.02 N·m·s/rad · θ̇.
     let times: Vec<f64> = (0..=20).map(|k| 0.1 * f64::from(k)).collect();
-    let states = roll_out(
-        &times,
-        &[(); 20],
-        50,
-        &[0.42, 0.8, 0.0, 0.0],
-        |_t, x, _u, dx| {
-            let (q, v) = x.split_at(2);
-            let force = [0.0, -0.02 * v[1]];
-            dx[..2].copy_from_slice(v);
-            dx[2..].copy_from_slice(spring.forward_dynamics(q, v, &force)?.as_slice());
-            Ok::<(), lagrange::Error>(())
-        },
-    )?;
+    let motion = Ode::new(4, |_t, x: &[f64], _u: &(), dx: &mut [f64]| {
+        let (q, v) = x.split_at(2);
+        let force = [0.0, -0.02 * v[1]];
+        dx[..2].copy_from_slice(v);
+        dx[2..].copy_from_slice(spring.forward_dynamics(q, v, &force)?.as_slice());
+        Ok::<(), lagrange::Error>(())
+    });
+    let start = [0.42, 0.8, 0.0, 0.0];
+    let states = roll_out(&motion, Rk4::default(), &times, &[(); 20], 50, &start)?;
 
     println!("   t (s)    r (m)  theta (rad)  T + V (J)");
     for (t, x) in times.iter().zip(&states) {

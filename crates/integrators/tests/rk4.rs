@@ -4,7 +4,7 @@ use std::convert::Infallible;
 
 use approx::assert_relative_eq;
 use integrators::problems::{HarmonicOscillator, Kepler, LinearDecay, Pendulum, Problem};
-use integrators::{Rk4, roll_out};
+use integrators::{Ode, Rk4, roll_out};
 use num_dual::{Dual64, DualNum};
 
 fn problems() -> Vec<Box<dyn Problem>> {
@@ -218,15 +218,18 @@ fn a_pendulum_returns_after_its_elliptic_period() {
         frequency: 3.0,
         amplitude: 2.8,
     };
+    let swing = Ode::new(2, move |t, x: &[f64], (): &(), dx: &mut [f64]| {
+        problem.rate(t, x, dx);
+        Ok::<(), Infallible>(())
+    });
+    let times = [0.0, problem.period()];
     let states = roll_out(
-        &[0.0, problem.period()],
+        &swing,
+        Rk4::default(),
+        &times,
         &[()],
         20_000,
         &problem.initial(),
-        |t, x, (), dx| {
-            problem.rate(t, x, dx);
-            Ok::<(), Infallible>(())
-        },
     )
     .unwrap();
     assert_relative_eq!(states[1][0], 2.8, max_relative = 1e-11);

@@ -1,6 +1,8 @@
 //! The classical Runge-Kutta method.
 
-use crate::Real;
+use super::chart::Chart;
+use super::{Method, StepError};
+use crate::{Real, Space, System};
 
 /// The classical Runge-Kutta method of order 4 for ẋ = f(t, x), with its working memory.
 ///
@@ -48,11 +50,12 @@ use crate::Real;
 /// // ẋ = −x: one step multiplies by 1 − h + h²/2 − h³/6 + h⁴/24.
 /// assert!((x[0].eps - 0.9048375).abs() < 1e-15);
 /// ```
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Rk4<S> {
     slope: Vec<S>,
     sum: Vec<S>,
     point: Vec<S>,
+    chart: Chart,
 }
 
 impl<S: Real> Rk4<S> {
@@ -62,6 +65,7 @@ impl<S: Real> Rk4<S> {
             slope: vec![S::zero(); dim],
             sum: vec![S::zero(); dim],
             point: vec![S::zero(); dim],
+            chart: Chart::default(),
         }
     }
 
@@ -110,5 +114,27 @@ fn advance<S: Real>(point: &mut [S], x: &[S], h: f64, k: &[S]) {
 fn add<S: Real>(y: &mut [S], factor: f64, k: &[S]) {
     for (y, &k) in y.iter_mut().zip(k) {
         *y = *y + k * factor;
+    }
+}
+
+impl<S: System> Method<S> for Rk4<f64> {
+    fn step(
+        &mut self,
+        system: &S,
+        t: f64,
+        h: f64,
+        u: &S::Input,
+        memory: &mut S::Memory,
+        x: &mut [f64],
+    ) -> Result<(), StepError<S::Error>> {
+        let done = if system.space().is_flat() {
+            Rk4::step(self, t, h, x, |t, x, dx| system.rate(t, x, u, memory, dx))
+        } else {
+            let mut chart = std::mem::take(&mut self.chart);
+            let done = chart.step(system, u, memory, x, |xi, f| Rk4::step(self, t, h, xi, f));
+            self.chart = chart;
+            done
+        };
+        done.map_err(StepError::RightHandSide)
     }
 }

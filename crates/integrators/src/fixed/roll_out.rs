@@ -1,6 +1,7 @@
 //! A whole trajectory over sample times.
 
-use crate::Rk4;
+use super::{Method, StepError};
+use crate::{Space, System};
 
 /// Why a roll-out stopped. `E` is the error of the right-hand side.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -43,31 +44,39 @@ pub enum RollOutError<E> {
     /// `substeps` is 0.
     #[error("substeps is 0: at least 1 step is needed between two samples")]
     Substeps,
-    /// The right-hand side failed.
-    #[error("the equations of motion failed in the step that begins at t = {time} s")]
-    RightHandSide {
+    /// The initial state has the wrong length.
+    #[error("the initial state has {found} entries where the system has {expected}")]
+    Initial {
+        /// Its length.
+        found: usize,
+        /// The entries of a state.
+        expected: usize,
+    },
+    /// A step failed.
+    #[error("the step that begins at t = {time} s failed")]
+    Step {
         /// Start of the substep, s.
         time: f64,
-        /// What it said.
-        source: E,
+        /// What the method or the right-hand side said.
+        source: StepError<E>,
     },
 }
 
-/// States at `times` of ẋ = f(t, x, u) from `initial` at `times[0]`, by [`Rk4`].
+/// States of a system at `times` from `initial` at `times[0]`, by a [`Method`] of fixed step.
 ///
 /// `inputs[k]` is held over [`times[k]`, `times[k + 1]`); an input for the last sample may be there and is not used. Every interval
-/// is divided into `substeps` equal steps. `f(t, x, u, dx)` writes the derivative. Row k of the result is the state at
-/// `times[k]`; row 0 is `initial`.
+/// is divided into `substeps` equal steps. Row k of the result is the state at `times[k]`; row 0 is `initial`.
 ///
 /// ```
 /// use std::convert::Infallible;
-/// use integrators::roll_out;
+/// use integrators::{Ode, Rk4, roll_out};
 ///
 /// // ẋ = −x + u
-/// let states = roll_out(&[0.0, 1.0, 2.0], &[1.0, 0.0], 100, &[0.0], |_t, x, u, dx| {
+/// let lag = Ode::new(1, |_t, x: &[f64], u: &f64, dx: &mut [f64]| {
 ///     dx[0] = -x[0] + u;
 ///     Ok::<(), Infallible>(())
-/// })?;
+/// });
+/// let states = roll_out(&lag, Rk4::default(), &[0.0, 1.0, 2.0], &[1.0, 0.0], 100, &[0.0])?;
 /// let peak = 1.0 - (-1.0_f64).exp();
 /// assert!((states[1][0] - peak).abs() < 1e-9);
 /// assert!((states[2][0] - peak * (-1.0_f64).exp()).abs() < 1e-9);
@@ -76,19 +85,28 @@ pub enum RollOutError<E> {
 ///
 /// # Errors
 /// See [`RollOutError`]; the arguments are checked before the first step.
-pub fn roll_out<U, E>(
+pub fn roll_out<S>(
+    system: &S,
+    mut method: impl Method<S>,
     times: &[f64],
-    inputs: &[U],
+    inputs: &[S::Input],
     substeps: usize,
     initial: &[f64],
-    mut f: impl FnMut(f64, &[f64], &U, &mut [f64]) -> Result<(), E>,
-) -> Result<Vec<Vec<f64>>, RollOutError<E>> {
+) -> Result<Vec<Vec<f64>>, RollOutError<S::Error>>
+where
+    S: System,
+    S::Input: Sized,
+{
     check_arguments(times, inputs.len(), substeps)?;
+    let (found, expected) = (initial.len(), system.space().dim());
+    if found != expected {
+        return Err(RollOutError::Initial { found, expected });
+    }
     let Some(&start) = times.first() else {
         return Ok(Vec::new());
     };
     check_finite(start, initial)?;
-    let mut rk4 = Rk4::new(initial.len());
+    let mut memory = system.memory();
     let mut x = initial.to_vec();
     let mut states = Vec::with_capacity(times.len());
     states.push(x.clone());
@@ -96,8 +114,9 @@ pub fn roll_out<U, E>(
         let h = (to - from) / substeps as f64;
         for i in 0..substeps {
             let time = from + i as f64 * h;
-            rk4.step(time, h, &mut x, |t, x, dx| f(t, x, u, dx))
-                .map_err(|source| RollOutError::RightHandSide { time, source })?;
+            method
+                .step(system, time, h, u, &mut memory, &mut x)
+                .map_err(|source| RollOutError::Step { time, source })?;
             check_finite(time + h, &x)?;
         }
         states.push(x.clone());
@@ -148,24 +167,20 @@ fn check_finite<E>(time: f64, x: &[f64]) -> Result<(), RollOutError<E>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Ode, Rk4};
     use std::convert::Infallible;
-
-    fn still(_t: f64, _x: &[f64], _u: &(), dx: &mut [f64]) -> Result<(), Infallible> {
-        dx.fill(0.0);
-        Ok(())
-    }
 
     #[test]
     fn a_finite_escape_is_reported_with_time_and_component() {
         // ẏ = y² from 1 escapes at t = 1.
-        let times: Vec<f64> = (0..=20).map(|k| 0.1 * k as f64).collect();
-        let error = roll_out(&times, &[(); 20], 4, &[0.0, 1.0], |_t, x, _u, dx| {
+        let escape = Ode::new(2, |_t, x: &[f64], _u: &(), dx: &mut [f64]| {
             dx[0] = 1.0;
             dx[1] = x[1] * x[1];
             Ok::<(), Infallible>(())
-        })
-        .unwrap_err();
-        match error {
+        });
+        let times: Vec<f64> = (0..=20).map(|k| 0.1 * k as f64).collect();
+        let rolled = roll_out(&escape, Rk4::default(), &times, &[(); 20], 4, &[0.0, 1.0]);
+        match rolled.unwrap_err() {
             RollOutError::NotFinite {
                 time, component, ..
             } => {
@@ -178,9 +193,16 @@ mod tests {
 
     #[test]
     fn bad_arguments_are_refused_before_the_first_step() {
-        let refuse = |times: &[f64], inputs: usize, substeps: usize| {
-            roll_out(times, &vec![(); inputs], substeps, &[0.0], still).unwrap_err()
+        let still = Ode::new(1, |_t, _x: &[f64], _u: &(), dx: &mut [f64]| {
+            dx.fill(0.0);
+            Ok::<(), Infallible>(())
+        });
+        let roll = |times: &[f64], inputs: usize, substeps: usize, initial: &[f64]| {
+            let inputs = vec![(); inputs];
+            roll_out(&still, Rk4::default(), times, &inputs, substeps, initial)
         };
+        let refuse =
+            |times: &[f64], inputs, substeps| roll(times, inputs, substeps, &[0.0]).unwrap_err();
         assert_eq!(refuse(&[0.0, 1.0], 1, 0), RollOutError::Substeps);
         assert_eq!(
             refuse(&[0.0, 1.0, 2.0], 1, 1),
@@ -197,29 +219,32 @@ mod tests {
             refuse(&[f64::NAN], 0, 1),
             RollOutError::Times { index: 0, .. }
         ));
-        let error = roll_out(&[0.0], &[(); 0], 1, &[0.0, f64::NAN], still).unwrap_err();
         assert!(matches!(
-            error,
-            RollOutError::NotFinite { component: 1, .. }
+            roll(&[0.0], 0, 1, &[f64::NAN]).unwrap_err(),
+            RollOutError::NotFinite { component: 0, .. }
         ));
         assert_eq!(
-            roll_out(&[], &[(); 0], 1, &[0.0], still),
-            Ok(Vec::<Vec<f64>>::new())
+            roll(&[0.0], 0, 1, &[0.0, 1.0]).unwrap_err(),
+            RollOutError::Initial {
+                found: 2,
+                expected: 1
+            }
         );
+        assert_eq!(roll(&[], 0, 1, &[0.0]), Ok(Vec::<Vec<f64>>::new()));
     }
 
     #[test]
     fn an_error_of_the_right_hand_side_comes_back_with_its_time() {
-        let error = roll_out(&[0.0, 1.0], &[()], 2, &[0.0], |t, _x, _u, dx| {
+        let stops = Ode::new(1, |t, _x: &[f64], _u: &(), dx: &mut [f64]| {
             dx[0] = 1.0;
             if t > 0.6 { Err("stop") } else { Ok(()) }
-        })
-        .unwrap_err();
+        });
+        let error = roll_out(&stops, Rk4::default(), &[0.0, 1.0], &[()], 2, &[0.0]).unwrap_err();
         assert_eq!(
             error,
-            RollOutError::RightHandSide {
+            RollOutError::Step {
                 time: 0.5,
-                source: "stop"
+                source: StepError::RightHandSide("stop")
             }
         );
     }

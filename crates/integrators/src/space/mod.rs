@@ -1,0 +1,79 @@
+//! Where states live: x ⊕ ξ.
+//!
+//! A state is a point x of a Lie group, a product of a vector space and of groups of motions; a tangent ξ is a small or large motion
+//! from there, in the axes of what moves: x ⊕ ξ = x ∘ exp ξ. Velocities are tangents a second. In a vector space all of this is
+//! addition; for a quaternion it keeps the length 1.
+
+mod phase;
+mod rotation;
+pub(crate) mod series;
+
+pub use phase::PhaseSpace;
+pub use rotation::Rotation;
+
+/// A vector space, a group of motions, or a product of them.
+///
+/// The slices have the lengths [`dim`](Self::dim) (points) and [`tangent_dim`](Self::tangent_dim) (motions); else the calls panic.
+pub trait Space: Send + Sync {
+    /// Numbers that make a point.
+    fn dim(&self) -> usize;
+
+    /// Directions of motion.
+    fn tangent_dim(&self) -> usize;
+
+    /// Whether x ⊕ ξ = x + ξ for all.
+    fn is_flat(&self) -> bool;
+
+    /// x ⊕ ξ = x ∘ exp ξ.
+    fn move_into(&self, point: &[f64], motion: &[f64], out: &mut [f64]);
+
+    /// The ξ, by the shortest way, with from ⊕ ξ = to.
+    fn difference_into(&self, from: &[f64], to: &[f64], out: &mut [f64]);
+
+    /// The bracket [a, b] = ad_a b; zero where motions commute.
+    fn bracket_into(&self, a: &[f64], b: &[f64], out: &mut [f64]);
+
+    /// ad_aᵀ m for a covector m: m · [a, b] = (ad_aᵀ m) · b for every b.
+    fn cobracket_into(&self, a: &[f64], m: &[f64], out: &mut [f64]);
+}
+
+/// The vector space ℝⁿ.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Flat {
+    dim: usize,
+}
+
+impl Flat {
+    /// Of `dim` entries.
+    pub fn new(dim: usize) -> Self {
+        Flat { dim }
+    }
+}
+
+impl Space for Flat {
+    fn dim(&self) -> usize {
+        self.dim
+    }
+    fn tangent_dim(&self) -> usize {
+        self.dim
+    }
+    fn is_flat(&self) -> bool {
+        true
+    }
+    fn move_into(&self, point: &[f64], motion: &[f64], out: &mut [f64]) {
+        for ((out, x), d) in out.iter_mut().zip(point).zip(motion) {
+            *out = x + d;
+        }
+    }
+    fn difference_into(&self, from: &[f64], to: &[f64], out: &mut [f64]) {
+        for ((out, a), b) in out.iter_mut().zip(from).zip(to) {
+            *out = b - a;
+        }
+    }
+    fn bracket_into(&self, _a: &[f64], _b: &[f64], out: &mut [f64]) {
+        out.fill(0.0);
+    }
+    fn cobracket_into(&self, _a: &[f64], _m: &[f64], out: &mut [f64]) {
+        out.fill(0.0);
+    }
+}
