@@ -216,6 +216,7 @@ impl Tree {
 
     fn push_node(&mut self, mut node: Node) {
         let parent = node.parent.and_then(|p| self.nodes.get(p));
+        node.drop_rounding();
         node.short = Shortcuts::new(&node, parent, self.gravity);
         self.nodes.push(node);
     }

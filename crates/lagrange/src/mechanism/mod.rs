@@ -8,6 +8,7 @@ mod node;
 mod placement;
 mod poses;
 mod recursion;
+mod rounding;
 mod shortcuts;
 mod tree;
 
