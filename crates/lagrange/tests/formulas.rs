@@ -545,6 +545,93 @@ fn rounding_is_not_printed() {
     }
 }
 
+/// The numbers of a formula that are no exponents.
+fn constants(formula: &str) -> Vec<f64> {
+    let exponent = |text: &str| text.ends_with('^');
+    let mut found = Vec::new();
+    let mut rest = formula;
+    let mut before = String::new();
+    while let Some(c) = rest.chars().next() {
+        let number: String = rest
+            .char_indices()
+            .take_while(|&(i, c)| {
+                let sign = i > 0 && "+-".contains(c) && rest[..i].ends_with('e');
+                c.is_ascii_digit() || c == '.' || (i > 0 && c == 'e') || sign
+            })
+            .map(|(_, c)| c)
+            .collect();
+        let in_name = before.ends_with(|c: char| c.is_alphanumeric() || c == '_');
+        if number.is_empty() || in_name {
+            before.push(c);
+            rest = &rest[c.len_utf8()..];
+            continue;
+        }
+        if !exponent(&before) {
+            found.push(number.parse().unwrap());
+        }
+        before += &number;
+        rest = &rest[number.len()..];
+    }
+    found
+}
+
+/// The smallest number other than 0 over the largest of some formulas.
+fn spread<'a>(formulas: impl IntoIterator<Item = &'a String>) -> f64 {
+    let all = formulas.into_iter().flat_map(|f| constants(f));
+    let all: Vec<f64> = all.filter(|x| *x != 0.0).collect();
+    let largest = all.iter().fold(0.0_f64, |m, x| m.max(*x));
+    all.iter().fold(1.0, |m, x| m.min(x / largest))
+}
+
+#[test]
+fn the_numbers_of_a_formula_are_read_as_they_stand() {
+    let found = constants("2.5e-3*t12^2 - 7*(q1 + 1e-16*x_2)/(3*sin(0.5 - 4*a))^10");
+    assert_eq!(found, [2.5e-3, 7.0, 1e-16, 3.0, 0.5, 4.0]);
+}
+
+/// Hand over hand turned by π, legs at thirds of a circle, an arm of seven joints: in the formulas of the first two stood 1e-17 beside
+/// 1, and whole entries of 1e-20.
+#[test]
+fn formulas_of_larger_models_have_no_numbers_of_rounding() {
+    for (model, floating) in [
+        ("gripper", false),
+        ("stewart", false),
+        ("arm7", false),
+        ("quadruped", false),
+        ("quadruped", true),
+    ] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join(format!("../../models/{model}/{model}.urdf"));
+        let options = urdf::Options {
+            floating_base: floating,
+            ..urdf::Options::default()
+        };
+        let tree = urdf::read(&std::fs::read_to_string(path).unwrap(), &options)
+            .unwrap()
+            .tree;
+        let bound: Vec<Option<f64>> = tree.parameters().iter().map(|p| Some(p.nominal)).collect();
+        let written = Formulas::of(&tree, tree.coordinates(), &bound)
+            .unwrap()
+            .written(Style::Text);
+        let parts = [
+            written.mass_matrix.concat(),
+            written.coriolis_matrix.unwrap().concat(),
+            written.gravity_force,
+            written.bias_force,
+            vec![written.kinetic_energy],
+            vec![written.potential_energy],
+        ];
+        for part in &parts {
+            let spread = spread(part);
+            assert!(spread >= 1e-12, "{model}: {spread:e} in {part:#?}");
+        }
+        for (name, formula) in &written.definitions {
+            let spread = spread([formula]);
+            assert!(spread >= 1e-12, "{model}: {name} = {formula}");
+        }
+    }
+}
+
 /// Without velocities in M there is no C to write.
 #[test]
 fn a_mass_that_grows_with_velocity_is_written_with_its_bias() {

@@ -22,16 +22,37 @@ pub enum Node {
     Two(Binary, Id, Id),
 }
 
+/// Rounding of a few operations after one another.
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
+
 /// Nodes without repetition, simplified as they are made.
 #[derive(Debug, Clone, Default)]
 pub struct Graph {
     nodes: Vec<Node>,
     known: HashMap<Node, Id>,
+    /// Where rounding is left out: what each node cannot exceed in size, whatever the variables are; infinity where nothing is known.
+    sizes: Option<Vec<f64>>,
     /// Something asked for a value while there was none: the energies branch on their arguments.
     pub branched: bool,
 }
 
 impl Graph {
+    /// The same graph, to which sums are added without their terms of the size of rounding: those of at most 8 ε of what the term
+    /// beside them can be, which is what its own last places are worth. This concerns terms of constants, sines and cosines;
+    /// variables have no largest size, and neither have the terms that contain one.
+    ///
+    /// What is added is equal but for rounding to what it would be with all terms; its derivatives need not be.
+    pub fn without_rounding(self) -> Self {
+        let mut sizes = Vec::with_capacity(self.nodes.len());
+        for &node in &self.nodes {
+            sizes.push(largest(node, &sizes));
+        }
+        Graph {
+            sizes: Some(sizes),
+            ..self
+        }
+    }
+
     pub fn len(&self) -> usize {
         self.nodes.len()
     }
@@ -69,9 +90,33 @@ impl Graph {
 
     fn put(&mut self, node: Node) -> Id {
         let next = self.nodes.len() as Id;
-        *self.known.entry(node).or_insert_with(|| {
-            self.nodes.push(node);
-            next
+        if let Some(&known) = self.known.get(&node) {
+            return known;
+        }
+        if let Some(sizes) = &mut self.sizes {
+            sizes.push(largest(node, sizes));
+        }
+        self.nodes.push(node);
+        self.known.insert(node, next);
+        next
+    }
+
+    /// Whether `a` is rounding in a sum with `b`.
+    fn is_rounding(&self, a: Id, b: Id) -> bool {
+        self.sizes.as_ref().is_some_and(|sizes| {
+            let (a, b) = (sizes[a as usize], sizes[b as usize]);
+            b.is_finite() && a <= ROUNDING * b
+        })
+    }
+
+    /// The constant x + y.
+    fn constant_sum(&mut self, x: f64, y: f64) -> Id {
+        let sum = x + y;
+        let cancelled = sum.abs() <= ROUNDING * x.abs().max(y.abs());
+        self.constant(if cancelled && self.sizes.is_some() {
+            0.0
+        } else {
+            sum
         })
     }
 
@@ -94,9 +139,11 @@ impl Graph {
 
     pub fn add(&mut self, a: Id, b: Id) -> Id {
         match (self.value(a), self.value(b)) {
-            (Some(x), Some(y)) => return self.constant(x + y),
+            (Some(x), Some(y)) => return self.constant_sum(x, y),
             (Some(0.0), None) => return b,
             (None, Some(0.0)) => return a,
+            _ if self.is_rounding(a, b) => return b,
+            _ if self.is_rounding(b, a) => return a,
             _ => {}
         }
         if a == b {
@@ -112,9 +159,11 @@ impl Graph {
 
     pub fn subtract(&mut self, a: Id, b: Id) -> Id {
         match (self.value(a), self.value(b)) {
-            (Some(x), Some(y)) => return self.constant(x - y),
+            (Some(x), Some(y)) => return self.constant_sum(x, -y),
             (Some(0.0), None) => return self.negate(b),
             (None, Some(0.0)) => return a,
+            _ if self.is_rounding(a, b) => return self.negate(b),
+            _ if self.is_rounding(b, a) => return a,
             _ => {}
         }
         if a == b {
@@ -214,6 +263,62 @@ impl Graph {
             (Binary::Pow, None, Some(1.0)) => a,
             (Binary::Min | Binary::Max, ..) if a == b => a,
             _ => self.put(Node::Two(f, a, b)),
+        }
+    }
+}
+
+/// What a node cannot exceed in size, given that of its arguments.
+fn largest(node: Node, sizes: &[f64]) -> f64 {
+    let of = |a: Id| sizes[a as usize];
+    let size = match node {
+        Node::Constant(bits) => f64::from_bits(bits).abs(),
+        Node::Add(a, b) | Node::Subtract(a, b) => of(a) + of(b),
+        Node::Multiply(a, b) => of(a) * of(b),
+        Node::Negate(a) => of(a),
+        Node::Powi(a, n) if n > 0 => of(a).powi(n),
+        Node::One(Unary::Sin | Unary::Cos | Unary::Tanh | Unary::Sign, _) => 1.0,
+        Node::Two(Binary::Min | Binary::Max, a, b) => of(a).max(of(b)),
+        _ => f64::INFINITY,
+    };
+    // 0 times infinity
+    if size.is_nan() { f64::INFINITY } else { size }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_term_below_the_last_places_of_the_other_goes_where_it_is_asked_for() {
+        for without in [true, false] {
+            let mut graph = Graph::default();
+            let x = graph.variable(0);
+            let sine = graph.one(Unary::Sin, x);
+            if without {
+                graph = graph.without_rounding();
+            }
+            let [large, tiny, small] = [9.81, 1e-16, 1e-13].map(|c| graph.constant(c));
+            let weight = graph.multiply(large, sine);
+            let gone =
+                |graph: &Graph, id: Id, left: Id| assert_eq!(id == left, without, "{graph:?}");
+
+            let sum = graph.add(weight, tiny);
+            gone(&graph, sum, weight);
+            let difference = graph.subtract(tiny, weight);
+            let negative = graph.negate(weight);
+            gone(&graph, difference, negative);
+            // 0.1 + 0.2 − 0.3 = 5.6e-17
+            let [a, b, c] = [0.1, 0.2, 0.3].map(|c| graph.constant(c));
+            let sum = graph.add(a, b);
+            let sum = graph.subtract(sum, c);
+            let zero = graph.constant(0.0);
+            gone(&graph, sum, zero);
+
+            // Terms that are more, and those beside one of which nothing is known.
+            let sum = graph.add(weight, small);
+            assert!(matches!(graph.node(sum), Node::Add(..)));
+            let sum = graph.add(x, tiny);
+            assert!(matches!(graph.node(sum), Node::Add(..)));
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::form::{Form, Symbol};
 use super::polynomial::{Algebra, Atom, Coefficient, Kind, Monomial, Polynomial, primitive};
+use super::simplify::tidied;
 use crate::expression::{Function, Unary};
 
 /// Lays out the polynomials of one algebra whose variables are q, v and the parameters, in this order.
@@ -171,7 +172,7 @@ impl Layout<'_> {
     }
 
     fn atom(&self, atom: Atom) -> Form {
-        let of = |key: &Vec<_>| self.form(&Polynomial::from_key(key));
+        let of = |key: &Vec<_>| self.form(&tidied(Polynomial::from_key(key)));
         match self.algebra.kind(atom) {
             Kind::Variable(index) => Form::Symbol(self.sizes.symbol(*index)),
             Kind::One(f, x) => Form::Call(Function::One(*f), vec![of(x)]),

@@ -20,7 +20,7 @@ use polynomial::{Algebra, Polynomial};
 
 use super::derivative::{TooLarge, along, derivative, gradient};
 use super::graph::{Graph, Id};
-use super::traced::{Traced, go_on, trace, variable};
+use super::traced::{Traced, go_on, variable};
 use crate::dynamics::is_quadratic;
 use crate::mechanism::Tree;
 use crate::{Coordinate, Lagrangian, Parameter, Scalar, tree};
@@ -79,9 +79,11 @@ impl From<TooLarge> for FormulasError {
 /// - M(q) v̇ + C(q, v) v + G(q) = Q, with Christoffel's C and G = +∂V/∂q on the left-hand side.
 /// - For T that is not quadratic in v there is no C: M(q, v) = ∂²T/∂v∂v, and the bias force (∂²T/∂v∂q) v − ∂T/∂q + G stands for C v + G.
 ///
-/// Formulas of small mechanisms are sums of products, with equal terms collected and sin² + cos² = 1 used; a term is left out where
-/// it is below four units in the last place of another one with the same velocities and constants. Those of large mechanisms have
-/// names for what they share. Numbers are shortened by no more than that. Both are equal to the numbers of [`Dynamics`](crate::Dynamics) but for rounding.
+/// Formulas of small mechanisms are sums of products, with equal terms collected and sin² + cos² = 1 used; those of large mechanisms
+/// have names for what they share. Terms of the size of rounding are left out (ε = 2.2·10⁻¹⁶): of a sum of products, those of at most
+/// 4 ε of another one with the same velocities and constants; of the equations of a tree of rigid bodies, those of constants, sines
+/// and cosines alone that are at most 8 ε of what another such term of the same sum can be. Numbers are shortened by no more than
+/// 4 ε. All is equal to the numbers of [`Dynamics`](crate::Dynamics) but for rounding.
 ///
 /// ```
 /// use lagrange::{Formulas, Lagrangian, Style, TextLagrangian, TextSource};
@@ -175,11 +177,16 @@ impl Formulas {
         expect("bound constants", bound.len(), parameters.len())?;
 
         let quadratic = lagrangian.rigid_bodies().is_some() || is_quadratic(lagrangian);
-        let traced = traced(lagrangian, sizes, bound)?;
+        let traced = |graph: Graph| traced(graph, lagrangian, sizes, bound);
+        let energies = traced(Graph::default())?;
         let variables = sizes.nq + sizes.nv + parameters.len();
         let (graph, roots) = match lagrangian.rigid_bodies() {
-            Some(tree) => joint_by_joint(tree, traced.clone(), sizes, bound),
-            None => differentiated(traced.clone(), sizes.nv, quadratic)?,
+            Some(tree) => {
+                // Nothing of this is differentiated.
+                let energies = traced(Graph::default().without_rounding())?;
+                joint_by_joint(tree, energies, sizes, bound)
+            }
+            None => differentiated(energies.clone(), sizes.nv, quadratic)?,
         };
         let outputs = roots.all();
         let code = Block::of_graph(
@@ -192,13 +199,13 @@ impl Formulas {
             },
         );
         // T and V hold less rounding than sums over joints.
-        let energies = if sizes.nq == sizes.nv && sizes.nv <= MOST_EXPANDED {
-            differentiated(traced, sizes.nv, quadratic).ok()
+        let by_energies = if sizes.nq == sizes.nv && sizes.nv <= MOST_EXPANDED {
+            differentiated(energies, sizes.nv, quadratic).ok()
         } else {
             None
         };
         let short =
-            energies.and_then(|(graph, roots)| expanded(&graph, &roots.all(), sizes, variables));
+            by_energies.and_then(|(graph, roots)| expanded(&graph, &roots.all(), sizes, variables));
         let readable = short.unwrap_or_else(|| {
             let cut = Cut {
                 width: 90,
@@ -278,12 +285,14 @@ fn arguments(sizes: Sizes, bound: &[Option<f64>]) -> [Vec<Traced>; 3] {
     [q, v, p]
 }
 
+/// T and V, added to `graph`.
 fn traced<L: Lagrangian>(
+    mut graph: Graph,
     lagrangian: &L,
     sizes: Sizes,
     bound: &[Option<f64>],
 ) -> Result<Energies, FormulasError> {
-    let (graph, (kinetic, potential)) = trace(|| {
+    let (kinetic, potential) = go_on(&mut graph, || {
         let [q, v, p] = arguments(sizes, bound);
         let kinetic = lagrangian.kinetic_with(&q, &v, &p);
         (kinetic.0, lagrangian.potential_with(&q, &p).0)

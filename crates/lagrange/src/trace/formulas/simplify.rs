@@ -186,8 +186,15 @@ fn without_noise(algebra: &Algebra, polynomial: Polynomial) -> Polynomial {
             .map_or(0.0, |l| l.1);
         c.value.abs() > 4.0 * f64::EPSILON * size
     });
+    tidied(Polynomial(kept.collect()))
+}
+
+/// With short numbers in place of long ones that are the same but for rounding.
+pub fn tidied(polynomial: Polynomial) -> Polynomial {
+    let terms = polynomial.0.into_iter();
     Polynomial(
-        kept.map(|(m, c)| (m, Coefficient::new(tidy(c.value))))
+        terms
+            .map(|(m, c)| (m, Coefficient::new(tidy(c.value))))
             .collect(),
     )
 }
