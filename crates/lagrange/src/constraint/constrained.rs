@@ -18,6 +18,9 @@ pub const DEFAULT_RATE: f64 = 50.0;
 /// It is [`Mechanics`] of the same coordinates, with the mass matrix, Coriolis matrix, gravity, energies and inverse dynamics of the
 /// free mechanism, and constrained forward dynamics: [`by_force`](ForwardDynamicsDerivatives::by_force) is
 /// M⁻¹ − M⁻¹ Jᵀ (J M⁻¹ Jᵀ)⁻¹ J M⁻¹, of the rank of the degrees of freedom that are left.
+///
+/// The force Jᵀ λ, stabilisation included, does the work λᵀ J v = λᵀ φ̇, W, which is 0 where φ̇ = 0 alone: at velocities that violate the
+/// constraints, the terms of [`power_balance`](Mechanics::power_balance), which hold no such work, do not add up by this much.
 #[derive(Debug, Clone)]
 pub struct Constrained<M, C> {
     free: M,

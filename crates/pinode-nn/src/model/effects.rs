@@ -3,7 +3,7 @@
 use lagrange::{Mechanics, Position, Problem};
 
 use super::document::{Faults, Section};
-use super::mechanism::{JointFriction, find_coordinate};
+use super::mechanism::{JointFriction, Mechanism, find_coordinate};
 use super::{EffectEntry, Input, Target};
 use crate::effect::{Action, Kind, registry};
 use crate::naming::{hint, nearest, quoted};
@@ -36,13 +36,13 @@ const RESERVED: &[&str] = &[
 /// The `[[effect]]` tables, each with its byte offset.
 pub(super) fn read(
     root: &Section,
-    mechanics: Option<&dyn Mechanics>,
+    mechanism: Option<&Mechanism>,
     inputs: &[Input],
     faults: &mut Faults,
 ) -> Vec<(usize, EffectEntry)> {
     let mut effects: Vec<(usize, EffectEntry)> = Vec::new();
     for table in root.sections("effect", faults) {
-        let Some(effect) = read_one(&table, mechanics, inputs, faults) else {
+        let Some(effect) = read_one(&table, mechanism, inputs, faults) else {
             continue;
         };
         if effects
@@ -64,7 +64,7 @@ pub(super) fn read(
 
 fn read_one(
     table: &Section,
-    mechanics: Option<&dyn Mechanics>,
+    mechanism: Option<&Mechanism>,
     inputs: &[Input],
     faults: &mut Faults,
 ) -> Option<EffectEntry> {
@@ -97,7 +97,7 @@ fn read_one(
     let target = titled
         .needed_string(target_key, faults)
         .and_then(|name| match of_input {
-            false => find_coordinate(mechanics?, name.value, name.offset(), faults)
+            false => find_coordinate(mechanism?, name.value, name.offset(), faults)
                 .map(Target::Coordinate),
             true => {
                 let index = inputs.iter().position(|input| input.name == name.value);
@@ -116,8 +116,8 @@ fn read_one(
             }
         });
     let angular = match target {
-        Some(Target::Coordinate(i)) => mechanics
-            .and_then(|m| m.coordinates().get(i))
+        Some(Target::Coordinate(i)) => mechanism
+            .and_then(|m| m.mechanics.coordinates().get(i))
             .is_some_and(|c| c.angular),
         _ => false,
     };

@@ -9,7 +9,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::document::{Faults, Section, mismatch};
-use super::mechanism::{self, find_coordinate};
+use super::mechanism::{self, Mechanism, find_coordinate};
 use super::{Input, Model, effects, massless, sensor, tolerance};
 use crate::Error;
 use crate::log::{ColumnMap, Mapping};
@@ -98,11 +98,11 @@ pub(super) fn parse(path: &Path, text: String, strict: bool) -> Result<Model, Er
         &mut warnings,
     );
     let mechanics = mechanism.as_ref().map(|m| m.mechanics.as_ref());
-    let inputs = inputs(&root, mechanics, &mut faults);
+    let inputs = inputs(&root, mechanism.as_ref(), &mut faults);
     let named: Vec<Input> = inputs.iter().map(|(input, _)| input.clone()).collect();
-    let mut entries = effects::read(&root, mechanics, &named, &mut faults);
-    let sensors = sensor::read(&root, mechanics, &mut faults);
-    let tolerance = tolerance::read(&root, mechanics, &mut faults);
+    let mut entries = effects::read(&root, mechanism.as_ref(), &named, &mut faults);
+    let sensors = sensor::read(&root, mechanism.as_ref(), &mut faults);
+    let tolerance = tolerance::read(&root, mechanism.as_ref(), &mut faults);
     let parameter_values = tolerance::parameter_values(&root, mechanics, &mut faults);
     let columns = columns(&root, mechanics, &named, &mut faults);
     if let Some(mechanics) = mechanics {
@@ -177,7 +177,7 @@ fn together(source: String, text: &str, faults: Faults, foreign: Vec<Problems>) 
 /// The `[[input]]` tables with their byte offsets; a faulty one keeps its name, so that who refers to it is not blamed.
 fn inputs(
     root: &Section,
-    mechanics: Option<&dyn Mechanics>,
+    mechanism: Option<&Mechanism>,
     faults: &mut Faults,
 ) -> Vec<(Input, usize)> {
     let mut inputs: Vec<(Input, usize)> = Vec::new();
@@ -186,7 +186,7 @@ fn inputs(
         let name = table.needed_string("name", faults);
         let coordinate = table
             .needed_string("joint", faults)
-            .and_then(|joint| find_coordinate(mechanics?, joint.value, joint.offset(), faults));
+            .and_then(|joint| find_coordinate(mechanism?, joint.value, joint.offset(), faults));
         let gain = table.number_that("gain", "different from 0", |x| x != 0.0, faults);
         let Some(name) = name else {
             continue;

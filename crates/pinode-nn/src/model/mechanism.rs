@@ -435,12 +435,12 @@ fn within(text: &str, formula: &Placed<&str>, column: Option<usize>) -> usize {
 
 /// The coordinate of one number called `name`; a joint with one coordinate gives it its name.
 pub(super) fn find_coordinate(
-    mechanics: &dyn Mechanics,
+    mechanism: &Mechanism,
     name: &str,
     offset: usize,
     faults: &mut Faults,
 ) -> Option<usize> {
-    let coordinates = mechanics.coordinates();
+    let coordinates = mechanism.mechanics.coordinates();
     if let Some(index) = coordinates.iter().position(|c| c.name == name) {
         if coordinates.get(index).is_some_and(|c| c.floating) {
             let single: Vec<&str> = coordinates
@@ -469,7 +469,13 @@ pub(super) fn find_coordinate(
         .filter(|c| c.joint == name)
         .map(|c| c.name.as_str())
         .collect();
-    if of_joint.is_empty() {
+    if let Some(message) = mechanism
+        .tree
+        .as_ref()
+        .and_then(|tree| not_of_its_own(tree, name))
+    {
+        faults.at(offset, message);
+    } else if of_joint.is_empty() {
         let names: Vec<&str> = coordinates.iter().map(|c| c.name.as_str()).collect();
         faults.at(
             offset,
@@ -491,4 +497,30 @@ pub(super) fn find_coordinate(
         );
     }
     None
+}
+
+/// Why the joint `name` of the tree has no coordinate of its own, if it has none.
+fn not_of_its_own(tree: &Tree, name: &str) -> Option<String> {
+    let joint = tree.joints().iter().find(|joint| joint.name == name)?;
+    match (joint.coordinate, &joint.mimic) {
+        (None, _) => {
+            let coordinates = tree.coordinates().iter();
+            let names: Vec<&str> = coordinates.map(|c| c.name.as_str()).collect();
+            Some(format!(
+                "joint {} is fixed: it has no coordinate that an input, an effect, a sensor or a tolerance could belong to{}",
+                quoted(name),
+                hint(name, "joints that move", &names)
+            ))
+        }
+        (Some(leader), Some(mimic)) if joint.follows => {
+            let leader = tree.coordinates().get(leader);
+            let leader = quoted(leader.map_or(mimic.leader.as_str(), |c| c.name.as_str()));
+            let (name, ratio) = (quoted(name), joint.ratio);
+            Some(format!(
+                "joint {name} follows {leader} and has no coordinate of its own: put it on {leader}, where a force x on {name} counts \
+                 as {ratio} x; with mimic = \"ignore\" every joint has its own coordinate"
+            ))
+        }
+        _ => None,
+    }
 }

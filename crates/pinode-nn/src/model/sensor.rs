@@ -1,9 +1,7 @@
 //! What is known of the sensors: `[sensor.<joint>]`.
 
-use lagrange::Mechanics;
-
 use super::document::{Faults, Section};
-use super::mechanism::find_coordinate;
+use super::mechanism::{Mechanism, find_coordinate};
 use crate::naming::quoted;
 
 /// The sensor of one coordinate. What is `None` is estimated from the log.
@@ -51,10 +49,11 @@ impl Velocity {
 /// The `[sensor]` table: one sensor per coordinate.
 pub(super) fn read(
     root: &Section,
-    mechanics: Option<&dyn Mechanics>,
+    mechanism: Option<&Mechanism>,
     faults: &mut Faults,
 ) -> Vec<Sensor> {
-    let mut sensors = vec![Sensor::default(); mechanics.map_or(0, |m| m.coordinates().len())];
+    let mut sensors =
+        vec![Sensor::default(); mechanism.map_or(0, |m| m.mechanics.coordinates().len())];
     let Some(section) = root.section("sensor", "[sensor]", faults) else {
         return sensors;
     };
@@ -84,7 +83,7 @@ pub(super) fn read(
                 }),
         };
         if let Some(index) =
-            mechanics.and_then(|m| find_coordinate(m, name.value, name.offset(), faults))
+            mechanism.and_then(|m| find_coordinate(m, name.value, name.offset(), faults))
             && let Some(sensor) = sensors.get_mut(index)
         {
             *sensor = Sensor {

@@ -3,7 +3,7 @@
 use lagrange::{Mechanics, Role};
 
 use super::document::{Faults, Section, number};
-use super::mechanism::find_coordinate;
+use super::mechanism::{Mechanism, find_coordinate};
 use crate::naming::{hint, quoted};
 
 /// Standard deviations of what a fit may move beside the effects: priors.
@@ -34,10 +34,10 @@ impl Tolerance {
 /// The `[tolerance]` table.
 pub(super) fn read(
     root: &Section,
-    mechanics: Option<&dyn Mechanics>,
+    mechanism: Option<&Mechanism>,
     faults: &mut Faults,
 ) -> Tolerance {
-    let mut tolerance = Tolerance::new(mechanics.map_or(0, |m| m.coordinates().len()));
+    let mut tolerance = Tolerance::new(mechanism.map_or(0, |m| m.mechanics.coordinates().len()));
     let Some(section) = root.section("tolerance", "[tolerance]", faults) else {
         return tolerance;
     };
@@ -54,7 +54,7 @@ pub(super) fn read(
         for (name, _) in zeros.entries() {
             let value = zeros.number_that(name.value, "0 or positive", not_negative, faults);
             if let Some(index) =
-                mechanics.and_then(|m| find_coordinate(m, name.value, name.offset(), faults))
+                mechanism.and_then(|m| find_coordinate(m, name.value, name.offset(), faults))
                 && let Some(zero) = tolerance.zero.get_mut(index)
             {
                 *zero = value;
@@ -64,7 +64,7 @@ pub(super) fn read(
     if let Some(constants) = section.section("parameters", "[tolerance.parameters]", faults) {
         for (name, _) in constants.entries() {
             let value = constants.number_that(name.value, "0 or positive", not_negative, faults);
-            if let Some(mechanics) = mechanics
+            if let Some(mechanics) = mechanism.map(|m| m.mechanics.as_ref())
                 && let Some(index) =
                     find_parameter(mechanics, Role::Constant, name.value, name.offset(), faults)
                 && let Some(value) = value
