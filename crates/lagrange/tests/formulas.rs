@@ -469,6 +469,72 @@ fn emitted_rust_compiles_without_warnings_and_gives_the_equations() {
     }
 }
 
+/// C's `fmin` and Rust's `f64::min` return the other number where one is none.
+#[test]
+fn emitted_code_lets_no_nan_pass() {
+    let model = text(
+        &["x", "y"],
+        "0.5*(x_dot^2 + y_dot^2)",
+        "min(x, y) + 10*max(2*x, 0.5)",
+        &[],
+    );
+    let formulas = Formulas::of(&model, model.coordinates(), &[]).unwrap();
+    let states = [(1.0, 2.0), (f64::NAN, 2.0), (1.0, f64::NAN), (2.0, 1.0)];
+    let expected: Vec<f64> = states.map(|(x, y)| model.potential(&[x, y])).to_vec();
+    assert!(expected[1].is_nan() && expected[2].is_nan());
+    assert_eq!((expected[0], expected[3]), (21.0, 41.0));
+    let folder = tempfile::tempdir().unwrap();
+    let program = folder.path().join("program");
+    let assert_same = || {
+        let output = Command::new(&program).output().unwrap();
+        let output = String::from_utf8(output.stdout).unwrap().to_lowercase();
+        for (line, expected) in output.lines().zip(&expected) {
+            let found: f64 = line.parse().unwrap();
+            assert!(
+                found == *expected || (found.is_nan() && expected.is_nan()),
+                "{found} for {expected}"
+            );
+        }
+        assert_eq!(output.lines().count(), expected.len());
+    };
+
+    let call = |(x, y): (f64, f64)| format!("V({x:?}, {y:?});\n");
+    let calls: String = states.map(call).concat();
+    let rust = formulas.emit_rust("model")
+        + "#[allow(non_snake_case)]\nfn V(x: f64, y: f64) {\n    println!(\"{:?}\", model(&[x, y], &[0.0; 2]).potential_energy);\n}\n"
+        + &format!("fn main() {{\n{}}}\n", calls.replace("NaN", "f64::NAN"));
+    let file = folder.path().join("main.rs");
+    std::fs::write(&file, rust).unwrap();
+    let rustc = std::env::var("RUSTC").unwrap_or_else(|_| "rustc".into());
+    // Fields that are not read here are no fault.
+    let flags = ["--edition", "2021", "-A", "dead_code", "-o"];
+    compiled(Command::new(rustc).args(flags).arg(&program).arg(&file));
+    assert_same();
+
+    if Command::new("cc").arg("--version").output().is_err() {
+        eprintln!("SKIPPED: there is no C compiler `cc`");
+        return;
+    }
+    let c = formulas.emit_c("model")
+        + "#include <stdio.h>\nstatic void V(double x, double y) {\n    double M[2][2], C[2][2], G[2], b[2], e[2];\n    \
+           model((double[]){x, y}, (double[]){0.0, 0.0}, M, C, G, b, e);\n    printf(isnan(e[1]) ? \"nan\\n\" : \"%.17g\\n\", e[1]);\n}\n"
+        + &format!(
+            "int main(void) {{\n{}return 0; }}\n",
+            calls.replace("NaN", "NAN")
+        );
+    let file = folder.path().join("main.c");
+    std::fs::write(&file, c).unwrap();
+    let flags = ["-std=c99", "-O1", "-o"];
+    compiled(
+        Command::new("cc")
+            .args(flags)
+            .arg(&program)
+            .arg(&file)
+            .arg("-lm"),
+    );
+    assert_same();
+}
+
 #[test]
 fn a_cart_pole_reads_like_a_textbook() {
     let model = cart_pole();

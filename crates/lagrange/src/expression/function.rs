@@ -85,11 +85,10 @@ impl Function {
     /// The name in C's `math.h`; none where C has an expression instead.
     pub fn c_name(self) -> Option<&'static str> {
         match self {
-            Function::One(Unary::Sign) => None,
+            // `fmin` and `fmax` pass over NaN.
+            Function::One(Unary::Sign) | Function::Two(Binary::Min | Binary::Max) => None,
             Function::One(Unary::Ln) => Some("log"),
             Function::One(Unary::Abs) => Some("fabs"),
-            Function::Two(Binary::Min) => Some("fmin"),
-            Function::Two(Binary::Max) => Some("fmax"),
             other => Some(other.name()),
         }
     }
@@ -97,7 +96,8 @@ impl Function {
     /// The method of Rust's `f64`; none where Rust has an expression instead.
     pub fn rust_name(self) -> Option<&'static str> {
         match self {
-            Function::One(Unary::Sign) => None,
+            // `f64::min` and `f64::max` pass over NaN.
+            Function::One(Unary::Sign) | Function::Two(Binary::Min | Binary::Max) => None,
             Function::Two(Binary::Pow) => Some("powf"),
             other => Some(other.name()),
         }

@@ -68,6 +68,17 @@ impl Block {
         block
     }
 
+    /// Whether a formula calls `function`.
+    pub fn calls(&self, function: Function) -> bool {
+        let mut found = false;
+        for form in self.definitions.iter().chain(&self.outputs) {
+            form.visit(&mut |part| {
+                found |= matches!(part, Form::Call(called, _) if *called == function);
+            });
+        }
+        found
+    }
+
     fn name(&mut self, form: Form) -> Form {
         self.definitions.push(form);
         Form::Symbol(Symbol::Named(self.definitions.len() - 1))

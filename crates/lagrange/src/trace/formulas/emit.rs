@@ -5,7 +5,8 @@ use std::fmt::Write;
 use super::Formulas;
 use super::form::{Form, Symbol};
 use super::names::function_name;
-use super::write::{Notation, Writer};
+use super::write::{LARGER, Notation, SMALLER, Writer};
+use crate::expression::{Binary, Function};
 
 /// One line of what the function computes: where to, and what.
 struct Assignment<'a> {
@@ -65,6 +66,16 @@ impl Formulas {
             "        gravity_force: [0.0; {n}],\n        bias_force: [0.0; {n}],"
         );
         text += "        kinetic_energy: 0.0,\n        potential_energy: 0.0,\n    };\n";
+        for (function, name, relation) in
+            [(Binary::Min, SMALLER, "<="), (Binary::Max, LARGER, ">=")]
+        {
+            if self.code.calls(Function::Two(function)) {
+                let _ = writeln!(
+                    text,
+                    "    let {name} = |a: f64, b: f64| if a {relation} b || a.is_nan() {{ a }} else {{ b }};"
+                );
+            }
+        }
         let symbol = |symbol: Symbol| self.code_name(symbol);
         let writer = Writer {
             notation: Notation::Rust,

@@ -1,7 +1,7 @@
 //! Formulas as text: the notation of [`Expression`](crate::Expression), Rust, C.
 
 use super::form::{Form, Product, Symbol};
-use crate::expression::{Function, Unary};
+use crate::expression::{Binary, Function};
 
 /// How formulas are spelled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -196,7 +196,7 @@ impl Writer<'_> {
             Notation::Rust => function.rust_name(),
             Notation::C => function.c_name(),
         };
-        let mut written = arguments.iter().map(|a| self.write(a));
+        let written = arguments.iter().map(|a| self.write(a));
         let text = match (self.notation, name) {
             (Notation::Rust, Some(name)) => {
                 let receiver = arguments.first().map(|a| self.receiver(a));
@@ -208,22 +208,43 @@ impl Writer<'_> {
                 let arguments: Vec<String> = written.collect();
                 format!("{name}({})", arguments.join(", "))
             }
-            // The sign, which neither C nor Rust has as it is here.
             (notation, None) => {
-                debug_assert_eq!(function, Function::One(Unary::Sign));
-                let x = written.next().unwrap_or_default();
-                return match notation {
-                    Notation::C => (format!("(({x}) < 0.0 ? -1.0 : 1.0)"), Tightness::Whole),
-                    _ => {
-                        let text = format!("if {x} < 0.0 {{ -1.0 }} else {{ 1.0 }}");
-                        (text, Tightness::Sum)
-                    }
-                };
+                return self.choice(notation, function, &written.collect::<Vec<_>>());
             }
         };
         (text, Tightness::Whole)
     }
+
+    /// The sign, and the smaller or larger one, where NaN on either side wins: neither C nor Rust has them as they are here.
+    fn choice(
+        &self,
+        notation: Notation,
+        function: Function,
+        arguments: &[String],
+    ) -> (String, Tightness) {
+        let text = match (notation, function, arguments) {
+            (Notation::C, Function::Two(f), [x, y]) => {
+                let relation = if f == Binary::Min { "<=" } else { ">=" };
+                format!("({x} {relation} {y} || isnan({x}) ? {x} : {y})")
+            }
+            (Notation::Rust, Function::Two(f), [x, y]) => {
+                let name = if f == Binary::Min { SMALLER } else { LARGER };
+                format!("{name}({x}, {y})")
+            }
+            (Notation::C, _, [x, ..]) => format!("(({x}) < 0.0 ? -1.0 : 1.0)"),
+            (_, _, [x, ..]) => {
+                let text = format!("if {x} < 0.0 {{ -1.0 }} else {{ 1.0 }}");
+                return (text, Tightness::Sum);
+            }
+            (_, _, []) => String::new(),
+        };
+        (text, Tightness::Whole)
+    }
 }
+
+/// What `min` and `max` are called in emitted Rust.
+pub const SMALLER: &str = "smaller";
+pub const LARGER: &str = "larger";
 
 /// p and q with x = p/q to the last bit, where x is a fraction of small numbers and takes many digits otherwise.
 pub fn fraction(x: f64) -> Option<(u32, u32)> {
