@@ -1,6 +1,8 @@
 use super::Problem;
+use super::formula::{Formula, system_of_formula};
+use crate::Flat;
 
-/// ẋ = −rate · x; x(t) = start · exp(−rate · t).
+/// ẋ = −rate · x; x(t) = start · exp(−rate · t). Its constant is the rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LinearDecay {
     /// 1/s.
@@ -9,6 +11,20 @@ pub struct LinearDecay {
     pub start: f64,
 }
 
+impl Formula<1, 1> for LinearDecay {
+    fn rate(&self, x: &[f64]) -> [f64; 1] {
+        [-self.rate * x[0]]
+    }
+    fn by_state(&self, _x: &[f64]) -> [[f64; 1]; 1] {
+        [[-self.rate]]
+    }
+    fn by_constants(&self, x: &[f64]) -> [[f64; 1]; 1] {
+        [[-x[0]]]
+    }
+}
+
+system_of_formula!(LinearDecay, 1, 1, Flat = Flat::new(1));
+
 impl Problem for LinearDecay {
     fn name(&self) -> &'static str {
         "linear decay"
@@ -16,16 +32,10 @@ impl Problem for LinearDecay {
     fn initial(&self) -> Vec<f64> {
         vec![self.start]
     }
-    fn rate(&self, _t: f64, x: &[f64], dx: &mut [f64]) {
-        dx[0] = -self.rate * x[0];
-    }
-    fn jacobian(&self, _t: f64, _x: &[f64], jacobian: &mut [f64]) {
-        jacobian[0] = -self.rate;
-    }
-    fn solution(&self, t: f64) -> Vec<f64> {
-        vec![self.start * (-self.rate * t).exp()]
-    }
     fn span(&self) -> f64 {
-        2.0 / self.rate
+        1.54 / self.rate
+    }
+    fn solution(&self, t: f64) -> Option<Vec<f64>> {
+        Some(vec![self.start * (-self.rate * t).exp()])
     }
 }

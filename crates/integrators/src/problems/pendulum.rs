@@ -1,8 +1,9 @@
-use std::f64::consts::PI;
+use super::elliptic::{complete_integral, jacobi};
+use super::formula::{Formula, mechanical_of_unit_mass, system_of_formula};
+use super::{Conservative, Problem};
+use crate::{Flat, PhaseSpace};
 
-use super::Problem;
-
-/// The mathematical pendulum θ̈ = −ω² sin θ, x = [θ, θ̇], released at rest at θ(0) = amplitude (from hanging).
+/// The mathematical pendulum θ̈ = −ω² sin θ, x = [θ, θ̇], released at rest at θ(0) = amplitude (from hanging). Its constant is ω.
 ///
 /// With k = sin(amplitude / 2): θ(t) = 2 asin(k cd(ωt, k)), period 4 K(k) / ω.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,39 +15,31 @@ pub struct Pendulum {
 }
 
 impl Pendulum {
-    fn modulus(&self) -> f64 {
-        (self.amplitude / 2.0).sin()
-    }
-
-    /// The period of the swing, s: 4 K(k) / ω with K = π / (2 agm(1, √(1 − k²))).
+    /// The period of the swing, s: 4 K(k) / ω.
     pub fn period(&self) -> f64 {
-        let (mut a, mut b) = (1.0, (self.amplitude / 2.0).cos());
-        for _ in 0..STEPS {
-            (a, b) = (0.5 * (a + b), f64::sqrt(a * b));
-        }
-        2.0 * PI / (a * self.frequency)
+        4.0 * complete_integral((self.amplitude / 2.0).cos()) / self.frequency
+    }
+
+    fn force(&self, q: &[f64]) -> [f64; 1] {
+        [-self.frequency.powi(2) * q[0].sin()]
     }
 }
 
-/// The arithmetic-geometric mean doubles its digits with every step: 8 are more than a double holds.
-const STEPS: usize = 8;
-
-/// Jacobi's sn, cn, dn at u for modulus k, by the arithmetic-geometric mean (Abramowitz and Stegun, 16.4).
-fn jacobi(u: f64, k: f64) -> (f64, f64, f64) {
-    let (mut a, mut b) = (1.0, (1.0 - k * k).sqrt());
-    let mut ratios = [0.0; STEPS];
-    for ratio in &mut ratios {
-        let c = 0.5 * (a - b);
-        (a, b) = (0.5 * (a + b), f64::sqrt(a * b));
-        *ratio = c / a;
+impl Formula<2, 1> for Pendulum {
+    fn rate(&self, x: &[f64]) -> [f64; 2] {
+        let [force] = self.force(x);
+        [x[1], force]
     }
-    let mut phi = a * u * f64::from(1_u32 << STEPS);
-    for ratio in ratios.iter().rev() {
-        phi = 0.5 * (phi + (ratio * phi.sin()).asin());
+    fn by_state(&self, x: &[f64]) -> [[f64; 2]; 2] {
+        [[0.0, 1.0], [-self.frequency.powi(2) * x[0].cos(), 0.0]]
     }
-    let (sn, cn) = phi.sin_cos();
-    (sn, cn, (1.0 - k * k * sn * sn).sqrt())
+    fn by_constants(&self, x: &[f64]) -> [[f64; 1]; 2] {
+        [[0.0], [-2.0 * self.frequency * x[0].sin()]]
+    }
 }
+
+system_of_formula!(Pendulum, 2, 1, PhaseSpace<Flat> = PhaseSpace { positions: Flat::new(1) });
+mechanical_of_unit_mass!(Pendulum, 2, 1);
 
 impl Problem for Pendulum {
     fn name(&self) -> &'static str {
@@ -55,28 +48,29 @@ impl Problem for Pendulum {
     fn initial(&self) -> Vec<f64> {
         vec![self.amplitude, 0.0]
     }
-    fn rate(&self, _t: f64, x: &[f64], dx: &mut [f64]) {
-        dx[0] = x[1];
-        dx[1] = -self.frequency.powi(2) * x[0].sin();
+    fn span(&self) -> f64 {
+        0.77 * self.period()
     }
-    fn jacobian(&self, _t: f64, x: &[f64], jacobian: &mut [f64]) {
-        jacobian.copy_from_slice(&[0.0, 1.0, -self.frequency.powi(2) * x[0].cos(), 0.0]);
-    }
-    fn solution(&self, t: f64) -> Vec<f64> {
-        let k = self.modulus();
+    fn solution(&self, t: f64) -> Option<Vec<f64>> {
+        let k = (self.amplitude / 2.0).sin();
         let (sn, cn, dn) = jacobi(self.frequency * t, k);
         // s = sin(θ/2) = k cd(ωt), and d cd/du = −(1 − k²) sn / dn².
         let s = k * cn / dn;
         let s_dot = -self.frequency * k * (1.0 - k * k) * sn / (dn * dn);
-        vec![2.0 * s.asin(), 2.0 * s_dot / (1.0 - s * s).sqrt()]
+        Some(vec![2.0 * s.asin(), 2.0 * s_dot / (1.0 - s * s).sqrt()])
     }
-    fn span(&self) -> f64 {
-        self.period()
+}
+
+impl Conservative for Pendulum {
+    fn energy(&self, x: &[f64]) -> f64 {
+        0.5 * x[1].powi(2) + self.frequency.powi(2) * (1.0 - x[0].cos())
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
 
     #[test]
@@ -104,10 +98,12 @@ mod tests {
         let energy = |x: &[f64]| 0.5 * x[1] * x[1] - 9.0 * x[0].cos();
         let start = pendulum.initial();
         for i in 0..=40 {
-            let x = pendulum.solution(pendulum.period() * f64::from(i) / 40.0);
+            let x = pendulum
+                .solution(pendulum.period() * f64::from(i) / 40.0)
+                .unwrap();
             approx::assert_relative_eq!(energy(&x), energy(&start), max_relative = 1e-12);
         }
-        let end = pendulum.solution(pendulum.period());
+        let end = pendulum.solution(pendulum.period()).unwrap();
         approx::assert_abs_diff_eq!(end[0], start[0], epsilon = 1e-10);
         approx::assert_abs_diff_eq!(end[1], start[1], epsilon = 1e-10);
     }

@@ -45,7 +45,7 @@ pub struct Flat {
 
 impl Flat {
     /// Of `dim` entries.
-    pub fn new(dim: usize) -> Self {
+    pub const fn new(dim: usize) -> Self {
         Flat { dim }
     }
 }
