@@ -18,7 +18,8 @@
 //! # Ok::<(), pinode_nn::Error>(())
 //! ```
 //!
-//! [`hybrid`] is the model as it is simulated, with exact derivatives; [`free_run`] and [`evaluate`](mod@evaluate) run it over a log.
+//! [`hybrid`] is the model as it is simulated, with exact derivatives; [`motion`] makes systems for `integrators` of mechanisms;
+//! [`free_run`] and [`evaluate`](mod@evaluate) run it over a log.
 //! Feature `cli` (default): the program `pinode` and the HTML report.
 #[cfg(feature = "cli")]
 pub mod cli;
@@ -29,6 +30,7 @@ pub mod free_run;
 pub mod hybrid;
 pub mod log;
 pub mod model;
+pub mod motion;
 #[cfg(feature = "cli")]
 pub mod report;
 pub mod shooting;
