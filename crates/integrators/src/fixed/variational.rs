@@ -47,10 +47,12 @@ pub struct Variational {
     work: Work,
 }
 
-/// A relative change of v that is rounding.
+/// A change of v, relative to the larger of v and the guess, that is rounding. The guess is there for steps across a turning point,
+/// whose v is a small difference of large terms.
 const CONVERGED: f64 = 4.0 * f64::EPSILON;
-/// A change that no longer shrinks is accepted below this, the rounding of M⁻¹.
-const STAGNANT: f64 = 1e-11;
+/// Changes of which none is a new smallest one for so many iterations are accepted below this size: the rounding of M⁻¹ where M is
+/// badly conditioned.
+const STAGNANT: (usize, f64) = (5, 1e-9);
 const MOST_ITERATIONS: usize = 100;
 
 /// x e^{−x}/sinh x = 2x/(e^{2x} − 1), by Bernoulli's numbers Bₙ: (2x)ⁿ Bₙ/n!; with the odd term's other sign x e^x/sinh x.
@@ -93,6 +95,16 @@ const LOGISTIC: [f64; 16] = [
     0.0,
     929_569.0 / 41_845_579_776_000.0,
 ];
+
+/// The largest size of an entry; NaN where there is one.
+fn largest(x: &[f64]) -> f64 {
+    x.iter().fold(
+        0.0,
+        |largest, x| {
+            if x.abs() <= largest { largest } else { x.abs() }
+        },
+    )
+}
 
 impl Variational {
     /// With memory for a system.
@@ -177,7 +189,8 @@ impl Variational {
         q: &mut [f64],
     ) -> Result<(), StepError<S::Error>> {
         let failed = StepError::RightHandSide;
-        let mut last = f64::INFINITY;
+        let guess = largest(&self.velocity);
+        let (mut smallest, mut since) = (f64::INFINITY, 0);
         for iterations in 1.. {
             self.at_middle(system, (t, h), u, memory, q)
                 .map_err(failed)?;
@@ -188,23 +201,27 @@ impl Variational {
             system
                 .velocity(&self.middle, memory, &mut self.residual)
                 .map_err(failed)?;
-            let (mut change, mut size) = (0.0_f64, 0.0_f64);
             for (v, d) in self.velocity.iter_mut().zip(&self.residual) {
                 *v += d;
-                change = change.max(d.abs());
-                size = size.max(v.abs());
             }
-            // NaN is not ≤ anything, and ends at the limit of iterations.
-            if change <= CONVERGED * size || (change <= STAGNANT * size && change >= last) {
+            let change = largest(&self.residual);
+            let size = guess.max(largest(&self.velocity));
+            let finite = change.is_finite() && size.is_finite();
+            if change < smallest {
+                (smallest, since) = (change, 0);
+            } else {
+                since += 1;
+            }
+            let stagnant = since >= STAGNANT.0 && change <= STAGNANT.1 * size;
+            if finite && (change <= CONVERGED * size || stagnant) {
                 break;
             }
-            if iterations == MOST_ITERATIONS || change.is_nan() {
+            if iterations == MOST_ITERATIONS || !finite {
                 return Err(StepError::NoConvergence {
                     iterations,
                     change: change / size,
                 });
             }
-            last = change;
         }
         self.at_middle(system, (t, h), u, memory, q)
             .map_err(failed)?;

@@ -10,7 +10,7 @@ use crate::Flat;
 ///
 /// with k₁ = 0.04, k₂ = 3·10⁷ and k₃ = 10⁴ a second: eigenvalues from 0 to −10⁴, and A + B + C stays 1. Its constants are the k.
 ///
-/// The solution is known at 0, at 0.4, 4, 40 and 400 s (Taylor series of degree 24 in numbers of 113 bits, `tests/references/taylor.c`,
+/// The solution is known at 0, at 0.4, 4, 40, 400 and 4000 s (Taylor series of degree 24 in numbers of 113 bits, `tests/references/taylor.c`,
 /// the same 22 digits with other steps), and at 10¹¹ s, from the test set for IVP solvers of Bari (Mazzia and Magherini, 2008, problem `rober`).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Robertson {
@@ -26,7 +26,7 @@ impl Default for Robertson {
 
 const RATES: [f64; 3] = [0.04, 3e7, 1e4];
 
-const KNOWN: [(f64, [f64; 3]); 6] = [
+const KNOWN: [(f64, [f64; 3]); 7] = [
     (0.0, [1.0, 0.0, 0.0]),
     (
         0.4,
@@ -58,6 +58,14 @@ const KNOWN: [(f64, [f64; 3]); 6] = [
             0.450_518_668_471_102_45,
             3.222_901_441_674_611_5e-6,
             0.549_478_108_627_455_9,
+        ],
+    ),
+    (
+        4000.0,
+        [
+            0.183_202_257_776_709_3,
+            8.942_371_252_775_91e-7,
+            0.816_796_847_986_165_4,
         ],
     ),
     (
