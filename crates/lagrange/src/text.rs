@@ -4,7 +4,7 @@ use std::fmt;
 
 use crate::caret;
 use crate::constraint::{Constraint, Equation, TextConstraints};
-use crate::expression::{is_identifier, nearest, reserved};
+use crate::expression::{is_identifier, is_plain, nearest, reserved};
 use crate::{Coordinate, Expression, ExpressionError, Lagrangian, Parameter, Role, Scalar};
 
 /// The energies of a mechanism as text, see [`TextLagrangian`].
@@ -249,6 +249,15 @@ impl TextLagrangian {
     /// What is probably not meant: parameters that no energy uses, velocities that T does not use.
     pub fn warnings(&self) -> &[TextProblem] {
         &self.warnings
+    }
+
+    /// Whether these are the nominal parameters as plain numbers, for which the constant parts of the energies are computed already.
+    fn is_nominal<D: Scalar>(&self, p: &[D]) -> bool {
+        let nominal = || self.parameters.iter().map(|p| p.nominal);
+        is_plain::<D>()
+            && p.iter()
+                .zip(nominal())
+                .all(|(p, nominal)| p.re() == nominal)
     }
 
     /// Evaluates the energies at ordinary states; whether T is quadratic there.
@@ -513,6 +522,9 @@ impl Lagrangian for TextLagrangian {
     }
 
     fn kinetic_with<D: Scalar>(&self, q: &[D], v: &[D], p: &[D]) -> D {
+        if self.is_nominal(p) {
+            return self.kinetic(q, v);
+        }
         let n = q.len();
         self.general.kinetic.evaluate(|slot| {
             if slot < n {
@@ -526,6 +538,9 @@ impl Lagrangian for TextLagrangian {
     }
 
     fn potential_with<D: Scalar>(&self, q: &[D], p: &[D]) -> D {
+        if self.is_nominal(p) {
+            return self.potential(q);
+        }
         let n = q.len();
         let variable = |slot: usize| if slot < n { q[slot] } else { p[slot - 2 * n] };
         self.general.potential.evaluate(variable)

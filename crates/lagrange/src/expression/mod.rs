@@ -1,13 +1,16 @@
 //! Expressions as text: parsed once, evaluated on any [`Scalar`].
 
+mod flat;
 mod function;
 mod lexer;
 mod parser;
 mod tape;
 
+use std::any::TypeId;
 use std::fmt;
 
 use crate::{Position, Scalar};
+use flat::Flat;
 use tape::Tape;
 
 pub(crate) use function::{Binary, CONSTANTS, FUNCTIONS, Function, Unary};
@@ -45,6 +48,8 @@ const MAX_LENGTH: usize = 64 * 1024;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Expression {
     tape: Tape,
+    /// The tape for plain numbers, where it can be had.
+    flat: Option<Flat>,
     /// Column of the first use of every variable.
     first_use: Vec<Option<usize>>,
 }
@@ -65,20 +70,29 @@ impl Expression {
         let (tape, first_use) = parser::parse(text, variables)?;
         let column = |offset: Option<usize>| offset.map(|o| column(text, o));
         Ok(Expression {
+            flat: Flat::of(&tape),
             tape,
             first_use: first_use.into_iter().map(column).collect(),
         })
     }
 
     /// The value, with `variable(slot)` for the variables. Allocates nothing unless more than 32 intermediate values are alive.
+    ///
+    /// On f64 every common subexpression is computed once; the value is the same to the last bit.
+    #[inline]
     pub fn evaluate<D: Scalar>(&self, variable: impl Fn(usize) -> D) -> D {
-        self.tape.evaluate(variable)
+        match &self.flat {
+            Some(flat) if is_plain::<D>() => D::constant(flat.value(|slot| variable(slot).re())),
+            _ => self.tape.evaluate(variable),
+        }
     }
 
     /// The same formula with the number `value(slot)` in place of every variable that has one; constant parts are computed now.
     pub fn bind(&self, value: impl Fn(usize) -> Option<f64>) -> Self {
+        let tape = self.tape.bind(&value);
         Expression {
-            tape: self.tape.bind(&value),
+            flat: Flat::of(&tape),
+            tape,
             first_use: self
                 .first_use
                 .iter()
@@ -92,6 +106,11 @@ impl Expression {
     pub fn first_use(&self, slot: usize) -> Option<usize> {
         self.first_use.get(slot).copied().flatten()
     }
+}
+
+/// Whether the scalar is f64 itself: then it is its own real part, and nothing is lost with that alone.
+pub(crate) fn is_plain<D: Scalar>() -> bool {
+    TypeId::of::<D>() == TypeId::of::<f64>()
 }
 
 /// One fault of an expression.

@@ -38,7 +38,7 @@ fn constant_power<D: Scalar>(a: D, b: f64) -> D {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Op {
+pub(super) enum Op {
     Constant(f64),
     Variable(u32),
     Negate,
@@ -64,6 +64,10 @@ pub(super) struct Tape {
 const INLINE: usize = 32;
 
 impl Tape {
+    pub fn ops(&self) -> &[Op] {
+        &self.ops
+    }
+
     /// The value, with `variable(slot)` for the variables.
     pub fn evaluate<D: Scalar>(&self, variable: impl Fn(usize) -> D) -> D {
         // Several sizes, because filling the array costs as much as a short tape when D is wide.

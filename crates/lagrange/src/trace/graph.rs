@@ -88,7 +88,8 @@ impl Graph {
         a.into_iter().chain(b)
     }
 
-    fn put(&mut self, node: Node) -> Id {
+    /// The node as it is, without simplification; its arguments are there.
+    pub fn put(&mut self, node: Node) -> Id {
         let next = self.nodes.len() as Id;
         if let Some(&known) = self.known.get(&node) {
             return known;

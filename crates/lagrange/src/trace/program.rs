@@ -5,24 +5,53 @@ use super::graph::{Graph, Id, Node};
 use crate::expression::{Binary, Unary};
 
 /// Straight-line code. Registers: the inputs, the constants, then one result an instruction.
-#[derive(Debug, Clone)]
+///
+/// Instructions of one kind stand together as far as what they need is there, so that the kind is asked for once a run of them: in a
+/// long program without this order, most of the time goes into jumps that the processor cannot foresee.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Program {
     inputs: usize,
     constants: Vec<f64>,
-    instructions: Vec<Instruction>,
+    runs: Vec<Run>,
+    /// The registers that each instruction reads; an exponent in place of the second one for an integer power.
+    operands: Vec<[u32; 2]>,
     outputs: Vec<u32>,
 }
 
-#[derive(Debug, Clone, Copy)]
-enum Instruction {
-    Add(u32, u32),
-    Subtract(u32, u32),
-    Multiply(u32, u32),
-    Divide(u32, u32),
-    Negate(u32),
-    Powi(u32, i32),
-    One(Unary, u32),
-    Two(Binary, u32, u32),
+/// Instructions of one kind, up to `end` of the operands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Run {
+    kind: Kind,
+    end: u32,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Add,
+    Subtract,
+    Multiply,
+    Divide,
+    Negate,
+    Powi,
+    One(Unary),
+    Two(Binary),
+}
+
+impl Kind {
+    /// The kind of a node that is computed.
+    fn of(node: Node) -> Option<Kind> {
+        match node {
+            Node::Constant(_) | Node::Variable(_) => None,
+            Node::Add(..) => Some(Kind::Add),
+            Node::Subtract(..) => Some(Kind::Subtract),
+            Node::Multiply(..) => Some(Kind::Multiply),
+            Node::Divide(..) => Some(Kind::Divide),
+            Node::Negate(_) => Some(Kind::Negate),
+            Node::Powi(..) => Some(Kind::Powi),
+            Node::One(f, _) => Some(Kind::One(f)),
+            Node::Two(f, ..) => Some(Kind::Two(f)),
+        }
+    }
 }
 
 impl Program {
@@ -33,77 +62,99 @@ impl Program {
             needed[output as usize] = true;
         }
         mark_arguments(graph, &mut needed);
-        let ids = || (0..needed.len() as Id).filter(|&id| needed[id as usize]);
         let mut register = vec![0_u32; needed.len()];
         let mut constants = Vec::new();
-        let mut next = inputs as u32;
-        let mut place = |constant: f64, constants: &mut Vec<f64>| {
-            constants.push(constant);
-            next += 1;
-            next - 1
-        };
-        for id in ids() {
+        for id in (0..needed.len() as Id).filter(|&id| needed[id as usize]) {
             match graph.node(id) {
                 Node::Variable(index) => register[id as usize] = index,
                 Node::Constant(bits) => {
-                    register[id as usize] = place(f64::from_bits(bits), &mut constants);
+                    register[id as usize] = (inputs + constants.len()) as u32;
+                    constants.push(f64::from_bits(bits));
                 }
                 _ => {}
             }
         }
-        let mut instructions = Vec::new();
-        for id in ids() {
+        let mut runs: Vec<Run> = Vec::new();
+        let mut operands = Vec::new();
+        for (kind, id) in in_runs(graph, &needed) {
             let r = |a: Id| register[a as usize];
-            let instruction = match graph.node(id) {
-                Node::Constant(_) | Node::Variable(_) => continue,
-                Node::Add(a, b) => Instruction::Add(r(a), r(b)),
-                Node::Subtract(a, b) => Instruction::Subtract(r(a), r(b)),
-                Node::Multiply(a, b) => Instruction::Multiply(r(a), r(b)),
-                Node::Divide(a, b) => Instruction::Divide(r(a), r(b)),
-                Node::Negate(a) => Instruction::Negate(r(a)),
-                Node::Powi(a, n) => Instruction::Powi(r(a), n),
-                Node::One(f, a) => Instruction::One(f, r(a)),
-                Node::Two(f, a, b) => Instruction::Two(f, r(a), r(b)),
+            let arguments = match graph.node(id) {
+                Node::Powi(a, n) => [r(a), n.cast_unsigned()],
+                _ => {
+                    let mut arguments = graph.arguments(id).map(r);
+                    [arguments.next(), arguments.next()].map(|a| a.unwrap_or(0))
+                }
             };
-            register[id as usize] = (inputs + constants.len() + instructions.len()) as u32;
-            instructions.push(instruction);
+            register[id as usize] = (inputs + constants.len() + operands.len()) as u32;
+            operands.push(arguments);
+            let end = operands.len() as u32;
+            match runs.last_mut() {
+                Some(run) if run.kind == kind => run.end = end,
+                _ => runs.push(Run { kind, end }),
+            }
         }
         Program {
             inputs,
             constants,
-            instructions,
+            runs,
+            operands,
             outputs: outputs.iter().map(|&id| register[id as usize]).collect(),
         }
     }
 
     /// Number of instructions.
     pub fn len(&self) -> usize {
-        self.instructions.len()
+        self.operands.len()
+    }
+
+    /// Number of registers.
+    pub fn size(&self) -> usize {
+        self.inputs + self.constants.len() + self.operands.len()
     }
 
     /// Registers with the constants in place.
     pub fn registers(&self) -> Vec<f64> {
-        let mut registers = vec![0.0; self.inputs];
-        registers.extend_from_slice(&self.constants);
-        registers.resize(registers.len() + self.instructions.len(), 0.0);
+        let mut registers = vec![0.0; self.size()];
+        self.put_constants(&mut registers);
         registers
     }
 
+    /// Puts the constants in their place.
+    #[inline]
+    pub fn put_constants(&self, registers: &mut [f64]) {
+        let places = registers.iter_mut().skip(self.inputs);
+        for (place, constant) in places.zip(&self.constants) {
+            *place = *constant;
+        }
+    }
+
     /// Runs the program on the inputs that stand in the first registers.
+    #[inline]
     pub fn run(&self, registers: &mut [f64]) {
-        let first = self.inputs + self.constants.len();
-        for (k, instruction) in self.instructions.iter().enumerate() {
-            let r = |a: u32| registers[a as usize];
-            registers[first + k] = match *instruction {
-                Instruction::Add(a, b) => r(a) + r(b),
-                Instruction::Subtract(a, b) => r(a) - r(b),
-                Instruction::Multiply(a, b) => r(a) * r(b),
-                Instruction::Divide(a, b) => r(a) / r(b),
-                Instruction::Negate(a) => -r(a),
-                Instruction::Powi(a, n) => r(a).powi(n),
-                Instruction::One(f, a) => f.of(r(a)),
-                Instruction::Two(f, a, b) => f.of(r(a), r(b)),
-            };
+        let mut start = 0;
+        let mut to = self.inputs + self.constants.len();
+        for run in &self.runs {
+            let operands = &self.operands[start..run.end as usize];
+            let all = (registers as &mut [f64], to, operands);
+            match run.kind {
+                Kind::Add => each(all, |a, b| a + b),
+                Kind::Subtract => each(all, |a, b| a - b),
+                Kind::Multiply => each(all, |a, b| a * b),
+                Kind::Divide => each(all, |a, b| a / b),
+                Kind::Negate => each(all, |a, _| -a),
+                Kind::One(Unary::Sin) => each(all, |a, _| a.sin()),
+                Kind::One(Unary::Cos) => each(all, |a, _| a.cos()),
+                Kind::One(f) => each(all, |a, _| f.of(a)),
+                Kind::Two(f) => each(all, |a, b| f.of(a, b)),
+                Kind::Powi => {
+                    let (registers, to, operands) = all;
+                    for (k, &[a, n]) in operands.iter().enumerate() {
+                        registers[to + k] = registers[a as usize].powi(n.cast_signed());
+                    }
+                }
+            }
+            to += operands.len();
+            start = run.end as usize;
         }
     }
 
@@ -111,4 +162,60 @@ impl Program {
     pub fn outputs<'a>(&'a self, registers: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         self.outputs.iter().map(|&o| registers[o as usize])
     }
+}
+
+/// One operation after another, to the registers from `to` on.
+#[inline(always)]
+fn each((registers, to, operands): (&mut [f64], usize, &[[u32; 2]]), f: impl Fn(f64, f64) -> f64) {
+    for (k, &[a, b]) in operands.iter().enumerate() {
+        registers[to + k] = f(registers[a as usize], registers[b as usize]);
+    }
+}
+
+/// The needed nodes that are computed, every one after its arguments: always the kind next of which most can be computed by now, and
+/// all that can be of this kind.
+fn in_runs(graph: &Graph, needed: &[bool]) -> Vec<(Kind, Id)> {
+    let computed = |id: Id| Kind::of(graph.node(id));
+    let mut missing = vec![0_usize; needed.len()];
+    let mut used_by: Vec<Vec<Id>> = vec![Vec::new(); needed.len()];
+    let mut ready: Vec<(Kind, Vec<Id>)> = Vec::new();
+    let put = |ready: &mut Vec<(Kind, Vec<Id>)>, kind: Kind, id: Id| match ready
+        .iter_mut()
+        .find(|(known, _)| *known == kind)
+    {
+        Some((_, ids)) => ids.push(id),
+        None => ready.push((kind, vec![id])),
+    };
+    for id in (0..needed.len() as Id).filter(|&id| needed[id as usize]) {
+        let Some(kind) = computed(id) else { continue };
+        for argument in graph.arguments(id).filter(|&a| computed(a).is_some()) {
+            missing[id as usize] += 1;
+            used_by[argument as usize].push(id);
+        }
+        if missing[id as usize] == 0 {
+            put(&mut ready, kind, id);
+        }
+    }
+    let mut order = Vec::new();
+    while let Some(most) = (0..ready.len()).max_by_key(|&k| (ready[k].1.len(), ready.len() - k)) {
+        if ready[most].1.is_empty() {
+            break;
+        }
+        let kind = ready[most].0;
+        let mut done = 0;
+        while let Some(&id) = ready[most].1.get(done) {
+            done += 1;
+            order.push((kind, id));
+            for &user in &used_by[id as usize] {
+                missing[user as usize] -= 1;
+                if missing[user as usize] == 0
+                    && let Some(kind) = computed(user)
+                {
+                    put(&mut ready, kind, user);
+                }
+            }
+        }
+        ready[most].1.clear();
+    }
+    order
 }
