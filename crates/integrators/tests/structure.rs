@@ -1,6 +1,6 @@
 //! What methods keep: the symplectic form, the direction of time, momenta, the length of quaternions; and what they refuse.
 
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::convert::Infallible;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -428,14 +428,13 @@ fn the_variational_step_takes_fewer_iterations_the_shorter_it_is() {
         // Where rounding decides on the last iteration, the mean flutters by a part of one.
         assert!(counts.is_sorted_by(|a, b| *a >= b - 0.1), "{counts:?}");
     }
-    // One force and v̇ at 1 ms, whose error falls by (h ω)²/4 an iteration: 16 digits take five of them, and one at the end.
     assert!(pendulum[4] <= 6.0, "{pendulum:?}");
 }
 
 #[test]
 fn a_step_too_long_to_be_solved_is_refused_and_leaves_the_state() {
     for order in [Order::Two, Order::Four] {
-        for h in [1.0, 5.0, 1e3, 1e150, f64::NAN] {
+        for h in [3.0, 5.0, 20.0, 1e3, 1e150, f64::NAN] {
             let start = [2.0, 0.4, 3.0, -5.0];
             let mut x = start;
             let mut method = Variational::new(&DOUBLE, order);

@@ -11,6 +11,7 @@
 //! All step in any [`Space`](crate::Space): explicit methods of Runge and Kutta in the chart exp of the place where a step begins
 //! (Munthe-Kaas, "High order Runge-Kutta methods on manifolds", 1999), the others as their formulas say.
 
+mod broyden;
 mod chart;
 mod heun;
 mod method;

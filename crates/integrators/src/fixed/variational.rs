@@ -1,5 +1,6 @@
 //! The midpoint rule of a discrete Lagrangian.
 
+use super::broyden::Broyden;
 use super::{Method, StepError};
 use crate::space::series::{Work, sum};
 use crate::{Mechanical, Space};
@@ -25,8 +26,8 @@ pub enum Order {
 ///
 /// which are μ ∓ h/2 F where space is flat: there it is the implicit midpoint rule in (q, p), Gauss and Legendre's of one stage. (Marsden
 /// and West, "Discrete mechanics and variational integrators", Acta Numerica 2001; the operators are the derivatives of q_m and v in the
-/// two ends.) The first is solved for v by v ← v − M⁻¹(its residual), which converges for steps that are short beside the periods
-/// of the motion; the tests of the methods say how it does.
+/// two ends.) The first is solved for v to rounding by Broyden's method from v ← v + M⁻¹ (p_k − its right-hand side), which converges
+/// for steps that are short beside the periods of the motion.
 ///
 /// Forces that depend on v and q are allowed, and act as they should; the energy then is what they make of it.
 #[derive(Debug, Clone)]
@@ -45,6 +46,7 @@ pub struct Variational {
     /// q of the step under way.
     start: Vec<f64>,
     work: Work,
+    broyden: Broyden,
 }
 
 /// A change of v, relative to the larger of v and the guess, that is rounding. The guess is there for steps across a turning point,
@@ -53,7 +55,9 @@ const CONVERGED: f64 = 4.0 * f64::EPSILON;
 /// Changes of which none is a new smallest one for so many iterations are accepted below this size: the rounding of M⁻¹ where M is
 /// badly conditioned.
 const STAGNANT: (usize, f64) = (5, 1e-9);
-const MOST_ITERATIONS: usize = 100;
+/// A velocity so many times larger than the guess and the first change is not on its way to a solution.
+const STRAY: f64 = 100.0;
+const MOST_ITERATIONS: usize = 40;
 
 /// x e^{−x}/sinh x = 2x/(e^{2x} − 1), by Bernoulli's numbers Bₙ: (2x)ⁿ Bₙ/n!; with the odd term's other sign x e^x/sinh x.
 const BERNOULLI: [f64; 17] = [
@@ -123,6 +127,7 @@ impl Variational {
             carried: vec![0.0; nv],
             start: vec![0.0; nq],
             work: Work::new(nv),
+            broyden: Broyden::new(nv),
         }
     }
 
@@ -190,7 +195,8 @@ impl Variational {
     ) -> Result<(), StepError<S::Error>> {
         let failed = StepError::RightHandSide;
         let guess = largest(&self.velocity);
-        let (mut smallest, mut since) = (f64::INFINITY, 0);
+        self.broyden.begin();
+        let (mut smallest, mut since, mut reach) = (f64::INFINITY, 0, f64::INFINITY);
         for iterations in 1.. {
             self.at_middle(system, (t, h), u, memory, q)
                 .map_err(failed)?;
@@ -201,22 +207,27 @@ impl Variational {
             system
                 .velocity(&self.middle, memory, &mut self.residual)
                 .map_err(failed)?;
+            self.broyden.step(&mut self.residual);
             for (v, d) in self.velocity.iter_mut().zip(&self.residual) {
                 *v += d;
             }
             let change = largest(&self.residual);
             let size = guess.max(largest(&self.velocity));
-            let finite = change.is_finite() && size.is_finite();
+            if iterations == 1 {
+                reach = STRAY * (guess + change);
+            }
+            // NaN is not less than anything.
+            let sound = size <= reach && change < f64::INFINITY;
             if change < smallest {
                 (smallest, since) = (change, 0);
             } else {
                 since += 1;
             }
             let stagnant = since >= STAGNANT.0 && change <= STAGNANT.1 * size;
-            if finite && (change <= CONVERGED * size || stagnant) {
+            if sound && (change <= CONVERGED * size || stagnant) {
                 break;
             }
-            if iterations == MOST_ITERATIONS || !finite {
+            if iterations == MOST_ITERATIONS || !sound {
                 return Err(StepError::NoConvergence {
                     iterations,
                     change: change / size,
