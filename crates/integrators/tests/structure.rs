@@ -2,14 +2,14 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use std::convert::Infallible;
-use std::sync::atomic::{AtomicUsize, Ordering};
+mod counted;
 
+use counted::Counted;
 use integrators::problems::{
     DoublePendulum, HarmonicOscillator, HeavyTop, Kepler, Pendulum, Problem, RigidBody,
 };
 use integrators::{
-    Heun, Mechanical, Method, Order, Rk4, Space, StepError, StormerVerlet, SymplecticEuler, System,
+    Heun, Mechanical, Method, Order, Rk4, Space, StepError, StormerVerlet, SymplecticEuler,
     Variational,
 };
 
@@ -328,85 +328,11 @@ fn explicit_symplectic_methods_refuse_what_is_not_separable() {
     assert!(StormerVerlet::new(&oscillator).is_ok());
 }
 
-/// A mechanical problem that counts how often its force is asked for.
-struct Counted<P> {
-    problem: P,
-    forces: AtomicUsize,
-}
-
-impl<P: Problem> System for Counted<P> {
-    type Space = P::Space;
-    type Input = ();
-    type Memory = ();
-    type Error = Infallible;
-
-    fn space(&self) -> &P::Space {
-        self.problem.space()
-    }
-    fn memory(&self) {}
-    fn rate(
-        &self,
-        t: f64,
-        x: &[f64],
-        u: &(),
-        memory: &mut (),
-        dx: &mut [f64],
-    ) -> Result<(), Infallible> {
-        self.problem.rate(t, x, u, memory, dx)
-    }
-}
-
-impl<P: Problem + Mechanical> Mechanical for Counted<P> {
-    type Positions = P::Positions;
-
-    fn positions(&self) -> &P::Positions {
-        self.problem.positions()
-    }
-    fn acceleration(
-        &self,
-        t: f64,
-        state: (&[f64], &[f64]),
-        u: &(),
-        memory: &mut (),
-        out: &mut [f64],
-    ) -> Result<(), Infallible> {
-        self.problem.acceleration(t, state, u, memory, out)
-    }
-    fn momentum(
-        &self,
-        state: (&[f64], &[f64]),
-        memory: &mut (),
-        out: &mut [f64],
-    ) -> Result<(), Infallible> {
-        self.problem.momentum(state, memory, out)
-    }
-    fn velocity(&self, q: &[f64], memory: &mut (), out: &mut [f64]) -> Result<(), Infallible> {
-        self.problem.velocity(q, memory, out)
-    }
-    fn position_force(
-        &self,
-        t: f64,
-        state: (&[f64], &[f64]),
-        u: &(),
-        memory: &mut (),
-        out: &mut [f64],
-    ) -> Result<(), Infallible> {
-        self.forces.fetch_add(1, Ordering::Relaxed);
-        self.problem.position_force(t, state, u, memory, out)
-    }
-    fn not_separable(&self) -> Option<String> {
-        self.problem.not_separable()
-    }
-}
-
 /// Forces a step of order 2 asks for, on average over a while.
 fn forces_a_step<P: Problem + Mechanical>(problem: P, h: f64) -> f64 {
     let steps = 200;
     let mut x = problem.initial();
-    let counted = Counted {
-        problem,
-        forces: AtomicUsize::new(0),
-    };
+    let counted = Counted::new(problem);
     let mut method = Variational::new(&counted, Order::Two);
     for k in 0..steps {
         let t = f64::from(k) * h;
@@ -414,7 +340,7 @@ fn forces_a_step<P: Problem + Mechanical>(problem: P, h: f64) -> f64 {
             panic!("step {k}: {error}");
         }
     }
-    counted.forces.into_inner() as f64 / f64::from(steps)
+    counted.evaluations() as f64 / f64::from(steps)
 }
 
 #[test]
