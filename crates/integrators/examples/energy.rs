@@ -28,7 +28,7 @@ fn curve<P: Conservative>(problem: &P, name: &str, mut method: impl Method<P>, h
             break;
         }
         let off = ((problem.energy(&x) - start) / start).abs();
-        if !(off < 1.0) {
+        if off.is_nan() || off >= 1.0 {
             println!("{name} has lost its energy after {step} steps");
             break;
         }

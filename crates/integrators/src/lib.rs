@@ -5,6 +5,17 @@
 //! [`StormerVerlet`] and [`Variational`]. [`roll_out`] runs a method over a table of sample times with an input that is held between
 //! samples. [`Rk4`] alone is also generic over the scalar ([`Real`]): on dual numbers it carries exact derivatives of the discrete
 //! map along. [`problems`] holds test problems with known solutions.
+//!
+#![doc = include_str!("../docs/fixed.md")]
+//!
+//! Largest relative error of the energy between one point and the next (`examples/energy.rs`):
+//!
+#![doc = include_str!("../docs/energy.svg")]
+//!
+//! Error at the end against evaluations of the rate, the acceleration or the variational iteration (`examples/work_precision.rs`):
+//!
+#![doc = include_str!("../docs/work_precision_fixed.svg")]
+
 mod differentiable;
 mod fixed;
 mod mechanical;

@@ -280,6 +280,12 @@ fn turning_bodies_keep_the_momenta_of_their_symmetries() {
             eprintln!("free body, {order:?}, axis {axis}: {kept:e}");
             assert!(kept < 1e-12, "axis {axis}: {kept}");
         }
+        // Steps of nearly a radian.
+        let kept = change(&BODY, &mut method, (0.6, 1000), |x| {
+            BODY.angular_momentum(x)[2]
+        });
+        eprintln!("free body, {order:?}, long steps: {kept:e}");
+        assert!(kept < 1e-12, "{kept}");
         let mut method = Variational::new(&top, order);
         let kept = change(&top, &mut method, (0.02, 10_000), |x| {
             top.vertical_momentum(x)

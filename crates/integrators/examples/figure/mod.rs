@@ -118,12 +118,14 @@ pub fn write(path: &Path, panels: &[Panel], columns: usize) -> Result<(), Box<dy
     drop(body);
     drop(legend);
     drop(root);
-    // A blank line would end the picture in Markdown.
+    // A blank line would end the picture in Markdown, and it shall not be wider than the page.
     let text = std::fs::read_to_string(path)?;
     let lines: Vec<&str> = text
         .lines()
         .filter(|line| !line.trim().is_empty())
         .collect();
-    std::fs::write(path, lines.join("\n") + "\n")?;
+    let text = lines.join("\n") + "\n";
+    let style = "<svg style=\"max-width: 100%; height: auto\" ";
+    std::fs::write(path, text.replacen("<svg ", style, 1))?;
     Ok(())
 }

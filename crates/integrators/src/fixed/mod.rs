@@ -1,15 +1,4 @@
-//! Methods of fixed step.
-//!
-//! | method | order | what for |
-//! |---|---|---|
-//! | [`Rk4`] | 4 | the default |
-//! | [`Heun`] | 2 | cheap steps, rough forces |
-//! | [`SymplecticEuler`] | 1 | separable systems: energy stays near its value for ever |
-//! | [`StormerVerlet`] | 2 | separable systems, the same with order 2, and the same backwards in time |
-//! | [`Variational`] | 2, 4 | any M(q), any space: symplectic, energy stays near its value for ever |
-//!
-//! All step in any [`Space`](crate::Space): explicit methods of Runge and Kutta in the chart exp of the place where a step begins
-//! (Munthe-Kaas, "High order Runge-Kutta methods on manifolds", 1999), the others as their formulas say.
+//! Methods of fixed step; `docs/fixed.md` compares them.
 
 mod broyden;
 mod chart;

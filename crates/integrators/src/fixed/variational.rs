@@ -29,6 +29,8 @@ pub enum Order {
 /// two ends.) The first is solved for v to rounding by Broyden's method from v ← v + M⁻¹ (p_k − its right-hand side), which converges
 /// for steps that are short beside the periods of the motion.
 ///
+/// The series of the operators are cut after A¹⁵: where positions turn, form and momenta are kept to rounding in steps of up to a radian.
+///
 /// Forces that depend on v and q are allowed, and act as they should; the energy then is what they make of it.
 #[derive(Debug, Clone)]
 pub struct Variational {

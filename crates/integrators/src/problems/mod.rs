@@ -12,7 +12,7 @@
 //! | [`Robertson`] | stiff | at several times, to 11 digits or more |
 //! | [`VanDerPol`] | stiff | at one time for ε = 10⁻⁶, to 15 digits |
 //!
-//! All have their derivatives ([`Differentiable`](crate::Differentiable)); those that are [`Mechanical`] also have an energy to be
+//! All have their derivatives ([`Differentiable`]); those that are [`Mechanical`] also have an energy to be
 //! kept ([`Conservative`]).
 
 mod double_pendulum;
