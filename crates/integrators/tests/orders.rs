@@ -7,7 +7,8 @@
 #![allow(clippy::panic)]
 
 use integrators::problems::{
-    DoublePendulum, HarmonicOscillator, HeavyTop, Kepler, LinearDecay, Pendulum, Problem, RigidBody,
+    DoublePendulum, DrivenOscillator, HarmonicOscillator, HeavyTop, Kepler, LinearDecay, Pendulum,
+    Problem, RigidBody,
 };
 use integrators::{
     Heun, Mechanical, Method, Order, Rk4, Space, StormerVerlet, SymplecticEuler, Variational,
@@ -108,6 +109,12 @@ const OSCILLATOR: HarmonicOscillator = HarmonicOscillator {
     frequency: 2.0,
     amplitude: 0.7,
 };
+const DRIVEN: DrivenOscillator = DrivenOscillator {
+    frequency: 2.0,
+    damping: 0.3,
+    drive: 1.4,
+    drive_frequency: 2.9,
+};
 const KEPLER: Kepler = Kepler { eccentricity: 0.3 };
 const BODY: RigidBody = RigidBody {
     moments: [1.0, 2.0, 3.0],
@@ -131,6 +138,7 @@ fn pendulums() -> [Pendulum; 3] {
 fn runge_kutta_methods_have_their_orders_in_flat_spaces() {
     explicit(&DECAY);
     explicit(&OSCILLATOR);
+    explicit(&DRIVEN);
     for pendulum in pendulums() {
         explicit(&pendulum);
     }
@@ -148,6 +156,10 @@ fn runge_kutta_methods_have_their_orders_on_quaternions() {
 #[test]
 fn explicit_symplectic_methods_have_their_orders() {
     separable(&OSCILLATOR);
+    separable(&DrivenOscillator {
+        damping: 0.0,
+        ..DRIVEN
+    });
     for pendulum in pendulums() {
         separable(&pendulum);
     }
@@ -157,6 +169,7 @@ fn explicit_symplectic_methods_have_their_orders() {
 #[test]
 fn the_variational_integrator_has_its_orders_in_flat_spaces() {
     variational(&OSCILLATOR);
+    variational(&DRIVEN);
     for pendulum in pendulums() {
         variational(&pendulum);
     }

@@ -5,8 +5,8 @@
 
 use approx::assert_abs_diff_eq;
 use integrators::problems::{
-    Conservative, DoublePendulum, HarmonicOscillator, HeavyTop, Kepler, LinearDecay, Pendulum,
-    Problem, RigidBody, Robertson, VanDerPol,
+    Conservative, DoublePendulum, DrivenOscillator, HarmonicOscillator, HeavyTop, Kepler,
+    LinearDecay, Pendulum, Problem, RigidBody, Robertson, VanDerPol,
 };
 use integrators::{Gradient, Jacobian, Rk4, Space, roll_out};
 
@@ -17,6 +17,12 @@ const DECAY: LinearDecay = LinearDecay {
 const OSCILLATOR: HarmonicOscillator = HarmonicOscillator {
     frequency: 2.0,
     amplitude: 0.7,
+};
+const DRIVEN: DrivenOscillator = DrivenOscillator {
+    frequency: 2.0,
+    damping: 0.3,
+    drive: 1.4,
+    drive_frequency: 2.9,
 };
 const PENDULUM: Pendulum = Pendulum {
     frequency: 3.0,
@@ -34,9 +40,16 @@ const SYMMETRIC: RigidBody = RigidBody {
     along: 2.0,
 };
 
+/// The rate at `TIME`, which matters to the driven oscillator.
 fn rate<P: Problem>(problem: &P, x: &[f64]) -> Vec<f64> {
+    rate_at(problem, TIME, x)
+}
+
+const TIME: f64 = 0.3;
+
+fn rate_at<P: Problem>(problem: &P, t: f64, x: &[f64]) -> Vec<f64> {
     let mut dx = vec![f64::NAN; problem.space().tangent_dim()];
-    let Ok(()) = problem.rate(0.0, x, &(), &mut (), &mut dx);
+    let Ok(()) = problem.rate(t, x, &(), &mut (), &mut dx);
     dx
 }
 
@@ -69,7 +82,7 @@ fn solution_obeys_its_equation<P: Problem>(problem: &P) {
         let at = |t| problem.solution(t).unwrap();
         let mut difference = vec![0.0; space.tangent_dim()];
         space.difference_into(&at(t - d), &at(t + d), &mut difference);
-        let rate = rate(problem, &at(t));
+        let rate = rate_at(problem, t, &at(t));
         let scale = rate.iter().fold(1e-3, |m: f64, r| m.max(r.abs()));
         for (j, (difference, rate)) in difference.iter().zip(&rate).enumerate() {
             let found = difference / (2.0 * d);
@@ -86,6 +99,7 @@ fn solution_obeys_its_equation<P: Problem>(problem: &P) {
 fn solutions_obey_their_equations() {
     solution_obeys_its_equation(&DECAY);
     solution_obeys_its_equation(&OSCILLATOR);
+    solution_obeys_its_equation(&DRIVEN);
     solution_obeys_its_equation(&PENDULUM);
     solution_obeys_its_equation(&KEPLER);
     solution_obeys_its_equation(&BODY);
@@ -97,7 +111,7 @@ fn derivatives_are_those_of_the_rate<P: Problem>(problem: &P, x: &[f64]) {
     let nt = space.tangent_dim();
     let mut by = Jacobian::zeros(problem);
     let mut dx = vec![f64::NAN; nt];
-    let Ok(()) = problem.linearize((0.0, x, &()), &mut (), &mut dx, &mut by);
+    let Ok(()) = problem.linearize((TIME, x, &()), &mut (), &mut dx, &mut by);
     assert_eq!(dx, rate(problem, x));
     for j in 0..nt {
         // The states of stiff problems have sizes of their own.
@@ -126,7 +140,7 @@ fn derivatives_are_those_of_the_rate<P: Problem>(problem: &P, x: &[f64]) {
     let mut sum = Gradient::zeros(problem);
     sum.state.fill(1.0);
     sum.parameters.fill(2.0);
-    let Ok(()) = problem.pull_back((0.0, x, &()), &mut (), &weight, &mut dx, &mut sum);
+    let Ok(()) = problem.pull_back((TIME, x, &()), &mut (), &weight, &mut dx, &mut sum);
     let scale = 1.0
         + by.state.amax()
         + if by.parameters.is_empty() {
@@ -159,6 +173,7 @@ fn rate_scale<P: Problem>(problem: &P) -> f64 {
 fn derivatives_are_those_of_the_rates() {
     derivatives_are_those_of_the_rate(&DECAY, &[1.3]);
     derivatives_are_those_of_the_rate(&OSCILLATOR, &[0.4, -0.6]);
+    derivatives_are_those_of_the_rate(&DRIVEN, &[0.4, -0.6]);
     derivatives_are_those_of_the_rate(&PENDULUM, &[1.1, -2.0]);
     derivatives_are_those_of_the_rate(&KEPLER, &[0.5, 0.6, -0.7, 0.4]);
     derivatives_are_those_of_the_rate(&DoublePendulum::default(), &[1.0, -0.4, 2.0, -3.0]);
@@ -179,7 +194,7 @@ fn constant_is_differentiated<P: Problem>(
     let problem = with(value);
     let mut by = Jacobian::zeros(&problem);
     let mut dx = vec![f64::NAN; problem.space().tangent_dim()];
-    let Ok(()) = problem.linearize((0.0, x, &()), &mut (), &mut dx, &mut by);
+    let Ok(()) = problem.linearize((TIME, x, &()), &mut (), &mut dx, &mut by);
     let step = 1e-5 * value;
     let (plus, minus) = (rate(&with(value + step), x), rate(&with(value - step), x));
     for i in 0..dx.len() {
@@ -206,6 +221,15 @@ fn derivatives_in_the_constants_are_those_of_the_rates() {
         ..PENDULUM
     };
     constant_is_differentiated(pendulum, 3.0, 0, &[1.1, -2.0]);
+    let driven = |frequency| DrivenOscillator {
+        frequency,
+        ..DRIVEN
+    };
+    constant_is_differentiated(driven, 2.0, 0, &[0.4, -0.6]);
+    let driven = |damping| DrivenOscillator { damping, ..DRIVEN };
+    constant_is_differentiated(driven, 0.3, 1, &[0.4, -0.6]);
+    let driven = |drive| DrivenOscillator { drive, ..DRIVEN };
+    constant_is_differentiated(driven, 1.4, 2, &[0.4, -0.6]);
     let double = |gravity| DoublePendulum { gravity };
     constant_is_differentiated(double, 9.81, 0, &[1.0, -0.4, 2.0, -3.0]);
     let x = on_the_way(&BODY, 0.4, 100);

@@ -55,12 +55,12 @@ impl DoublePendulum {
 }
 
 impl Formula<4, 1> for DoublePendulum {
-    fn rate(&self, x: &[f64]) -> [f64; 4] {
+    fn rate(&self, _t: f64, x: &[f64]) -> [f64; 4] {
         let (q, v) = x.split_at(2);
         let [a1, a2] = self.acceleration_of(q, v);
         [v[0], v[1], a1, a2]
     }
-    fn by_state(&self, x: &[f64]) -> [[f64; 4]; 4] {
+    fn by_state(&self, _t: f64, x: &[f64]) -> [[f64; 4]; 4] {
         let (q, v) = x.split_at(2);
         let [a1, a2] = self.acceleration_of(q, v);
         let (s, c) = (q[0] - q[1]).sin_cos();
@@ -77,7 +77,7 @@ impl Formula<4, 1> for DoublePendulum {
             [by_q1[1], by_q2[1], by_v1[1], by_v2[1]],
         ]
     }
-    fn by_constants(&self, x: &[f64]) -> [[f64; 1]; 4] {
+    fn by_constants(&self, _t: f64, x: &[f64]) -> [[f64; 1]; 4] {
         let [a1, a2] = Self::solve(x, [-2.0 * x[0].sin(), -x[1].sin()]);
         [[0.0], [0.0], [a1], [a2]]
     }

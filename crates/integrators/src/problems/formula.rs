@@ -5,11 +5,11 @@ use nalgebra::DMatrix;
 /// ẋ = f(t, x; p) as formulas: `DIM` directions of motion, `CONSTANTS` constants.
 pub(super) trait Formula<const DIM: usize, const CONSTANTS: usize> {
     /// f.
-    fn rate(&self, x: &[f64]) -> [f64; DIM];
+    fn rate(&self, t: f64, x: &[f64]) -> [f64; DIM];
     /// ∂f/∂x along the directions of motion, row by row.
-    fn by_state(&self, x: &[f64]) -> [[f64; DIM]; DIM];
+    fn by_state(&self, t: f64, x: &[f64]) -> [[f64; DIM]; DIM];
     /// ∂f/∂p, row by row.
-    fn by_constants(&self, x: &[f64]) -> [[f64; CONSTANTS]; DIM];
+    fn by_constants(&self, t: f64, x: &[f64]) -> [[f64; CONSTANTS]; DIM];
 }
 
 /// Writes rows to a matrix.
@@ -39,13 +39,13 @@ macro_rules! system_of_formula {
 
             fn rate(
                 &self,
-                _t: f64,
+                t: f64,
                 x: &[f64],
                 _u: &(),
                 _memory: &mut (),
                 dx: &mut [f64],
             ) -> Result<(), std::convert::Infallible> {
-                dx.copy_from_slice(&Formula::<$dim, $constants>::rate(self, x));
+                dx.copy_from_slice(&Formula::<$dim, $constants>::rate(self, t, x));
                 Ok(())
             }
         }
@@ -61,34 +61,34 @@ macro_rules! system_of_formula {
 
             fn linearize(
                 &self,
-                (_t, x, _u): (f64, &[f64], &()),
+                (t, x, _u): (f64, &[f64], &()),
                 _memory: &mut (),
                 dx: &mut [f64],
                 by: &mut $crate::Jacobian,
             ) -> Result<(), std::convert::Infallible> {
-                dx.copy_from_slice(&Formula::<$dim, $constants>::rate(self, x));
+                dx.copy_from_slice(&Formula::<$dim, $constants>::rate(self, t, x));
                 $crate::problems::formula::set(
                     &mut by.state,
-                    &Formula::<$dim, $constants>::by_state(self, x),
+                    &Formula::<$dim, $constants>::by_state(self, t, x),
                 );
                 $crate::problems::formula::set(
                     &mut by.parameters,
-                    &Formula::<$dim, $constants>::by_constants(self, x),
+                    &Formula::<$dim, $constants>::by_constants(self, t, x),
                 );
                 Ok(())
             }
 
             fn pull_back(
                 &self,
-                (_t, x, _u): (f64, &[f64], &()),
+                (t, x, _u): (f64, &[f64], &()),
                 _memory: &mut (),
                 weight: &[f64],
                 dx: &mut [f64],
                 by: &mut $crate::Gradient,
             ) -> Result<(), std::convert::Infallible> {
-                dx.copy_from_slice(&Formula::<$dim, $constants>::rate(self, x));
-                let state = Formula::<$dim, $constants>::by_state(self, x);
-                let constants = Formula::<$dim, $constants>::by_constants(self, x);
+                dx.copy_from_slice(&Formula::<$dim, $constants>::rate(self, t, x));
+                let state = Formula::<$dim, $constants>::by_state(self, t, x);
+                let constants = Formula::<$dim, $constants>::by_constants(self, t, x);
                 for (w, (by_state, by_constants)) in weight.iter().zip(state.iter().zip(&constants))
                 {
                     for (sum, d) in by.state.iter_mut().zip(by_state) {

@@ -18,14 +18,14 @@ impl HarmonicOscillator {
 }
 
 impl Formula<2, 1> for HarmonicOscillator {
-    fn rate(&self, x: &[f64]) -> [f64; 2] {
+    fn rate(&self, _t: f64, x: &[f64]) -> [f64; 2] {
         let [force] = self.force(x);
         [x[1], force]
     }
-    fn by_state(&self, _x: &[f64]) -> [[f64; 2]; 2] {
+    fn by_state(&self, _t: f64, _x: &[f64]) -> [[f64; 2]; 2] {
         [[0.0, 1.0], [-self.frequency.powi(2), 0.0]]
     }
-    fn by_constants(&self, x: &[f64]) -> [[f64; 1]; 2] {
+    fn by_constants(&self, _t: f64, x: &[f64]) -> [[f64; 1]; 2] {
         [[0.0], [-2.0 * self.frequency * x[0]]]
     }
 }

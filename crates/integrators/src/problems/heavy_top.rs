@@ -67,12 +67,12 @@ impl HeavyTop {
 }
 
 impl Formula<6, 1> for HeavyTop {
-    fn rate(&self, x: &[f64]) -> [f64; 6] {
+    fn rate(&self, _t: f64, x: &[f64]) -> [f64; 6] {
         let (q, w) = x.split_at(4);
         let [a1, a2, a3] = self.acceleration_of(q, w);
         [w[0], w[1], w[2], a1, a2, a3]
     }
-    fn by_state(&self, x: &[f64]) -> [[f64; 6]; 6] {
+    fn by_state(&self, _t: f64, x: &[f64]) -> [[f64; 6]; 6] {
         let mut by = [[0.0; 6]; 6];
         for i in 0..3 {
             by[i][3 + i] = 1.0;
@@ -93,7 +93,7 @@ impl Formula<6, 1> for HeavyTop {
         by[4][2] = -b * u[1];
         by
     }
-    fn by_constants(&self, x: &[f64]) -> [[f64; 1]; 6] {
+    fn by_constants(&self, _t: f64, x: &[f64]) -> [[f64; 1]; 6] {
         let u = up(x);
         let [i1, i2, _] = self.moments;
         [[0.0], [0.0], [0.0], [u[1] / i1], [-u[0] / i2], [0.0]]

@@ -24,11 +24,11 @@ impl Kepler {
 }
 
 impl Formula<4, 0> for Kepler {
-    fn rate(&self, x: &[f64]) -> [f64; 4] {
+    fn rate(&self, _t: f64, x: &[f64]) -> [f64; 4] {
         let [fx, fy] = self.force(x);
         [x[2], x[3], fx, fy]
     }
-    fn by_state(&self, x: &[f64]) -> [[f64; 4]; 4] {
+    fn by_state(&self, _t: f64, x: &[f64]) -> [[f64; 4]; 4] {
         let r = x[0].hypot(x[1]);
         let entry = |a: f64, b: f64, delta: f64| 3.0 * a * b / r.powi(5) - delta / r.powi(3);
         let mixed = entry(x[0], x[1], 0.0);
@@ -39,7 +39,7 @@ impl Formula<4, 0> for Kepler {
             [mixed, entry(x[1], x[1], 1.0), 0.0, 0.0],
         ]
     }
-    fn by_constants(&self, _x: &[f64]) -> [[f64; 0]; 4] {
+    fn by_constants(&self, _t: f64, _x: &[f64]) -> [[f64; 0]; 4] {
         [[]; 4]
     }
 }

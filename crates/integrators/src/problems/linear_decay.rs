@@ -12,13 +12,13 @@ pub struct LinearDecay {
 }
 
 impl Formula<1, 1> for LinearDecay {
-    fn rate(&self, x: &[f64]) -> [f64; 1] {
+    fn rate(&self, _t: f64, x: &[f64]) -> [f64; 1] {
         [-self.rate * x[0]]
     }
-    fn by_state(&self, _x: &[f64]) -> [[f64; 1]; 1] {
+    fn by_state(&self, _t: f64, _x: &[f64]) -> [[f64; 1]; 1] {
         [[-self.rate]]
     }
-    fn by_constants(&self, x: &[f64]) -> [[f64; 1]; 1] {
+    fn by_constants(&self, _t: f64, x: &[f64]) -> [[f64; 1]; 1] {
         [[-x[0]]]
     }
 }

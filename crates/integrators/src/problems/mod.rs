@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | [`LinearDecay`] | one number | exponential |
 //! | [`HarmonicOscillator`] | mechanical, separable | circular functions |
+//! | [`DrivenOscillator`] | mechanical, with loss and a force that depends on time | circular functions |
 //! | [`Pendulum`] | mechanical, separable | Jacobi's elliptic functions, period by the elliptic integral |
 //! | [`Kepler`] | mechanical, separable | Kepler's equation |
 //! | [`DoublePendulum`] | mechanical, M(q) | at one time, to 16 digits |
@@ -16,6 +17,7 @@
 //! kept ([`Conservative`]).
 
 mod double_pendulum;
+mod driven_oscillator;
 mod elliptic;
 mod formula;
 mod harmonic_oscillator;
@@ -30,6 +32,7 @@ mod van_der_pol;
 use std::convert::Infallible;
 
 pub use double_pendulum::DoublePendulum;
+pub use driven_oscillator::DrivenOscillator;
 pub use harmonic_oscillator::HarmonicOscillator;
 pub use heavy_top::HeavyTop;
 pub use kepler::Kepler;

@@ -26,14 +26,14 @@ impl Pendulum {
 }
 
 impl Formula<2, 1> for Pendulum {
-    fn rate(&self, x: &[f64]) -> [f64; 2] {
+    fn rate(&self, _t: f64, x: &[f64]) -> [f64; 2] {
         let [force] = self.force(x);
         [x[1], force]
     }
-    fn by_state(&self, x: &[f64]) -> [[f64; 2]; 2] {
+    fn by_state(&self, _t: f64, x: &[f64]) -> [[f64; 2]; 2] {
         [[0.0, 1.0], [-self.frequency.powi(2) * x[0].cos(), 0.0]]
     }
-    fn by_constants(&self, x: &[f64]) -> [[f64; 1]; 2] {
+    fn by_constants(&self, _t: f64, x: &[f64]) -> [[f64; 1]; 2] {
         [[0.0], [-2.0 * self.frequency * x[0].sin()]]
     }
 }

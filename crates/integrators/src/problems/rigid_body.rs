@@ -82,12 +82,12 @@ impl RigidBody {
 }
 
 impl Formula<6, 3> for RigidBody {
-    fn rate(&self, x: &[f64]) -> [f64; 6] {
+    fn rate(&self, _t: f64, x: &[f64]) -> [f64; 6] {
         let (q, w) = x.split_at(4);
         let [a1, a2, a3] = self.acceleration_of(q, w);
         [w[0], w[1], w[2], a1, a2, a3]
     }
-    fn by_state(&self, x: &[f64]) -> [[f64; 6]; 6] {
+    fn by_state(&self, _t: f64, x: &[f64]) -> [[f64; 6]; 6] {
         let mut by = [[0.0; 6]; 6];
         for i in 0..3 {
             by[i][3 + i] = 1.0;
@@ -100,7 +100,7 @@ impl Formula<6, 3> for RigidBody {
         }
         by
     }
-    fn by_constants(&self, x: &[f64]) -> [[f64; 3]; 6] {
+    fn by_constants(&self, _t: f64, x: &[f64]) -> [[f64; 3]; 6] {
         let [i1, i2, i3] = self.moments;
         let w = &x[4..];
         let [a1, a2, a3] = euler(&self.moments, w, [0.0; 3]);

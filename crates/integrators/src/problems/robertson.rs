@@ -79,12 +79,12 @@ const KNOWN: [(f64, [f64; 3]); 7] = [
 ];
 
 impl Formula<3, 3> for Robertson {
-    fn rate(&self, x: &[f64]) -> [f64; 3] {
+    fn rate(&self, _t: f64, x: &[f64]) -> [f64; 3] {
         let [k1, k2, k3] = self.rates;
         let (first, second, third) = (k1 * x[0], k2 * x[1] * x[1], k3 * x[1] * x[2]);
         [third - first, first - third - second, second]
     }
-    fn by_state(&self, x: &[f64]) -> [[f64; 3]; 3] {
+    fn by_state(&self, _t: f64, x: &[f64]) -> [[f64; 3]; 3] {
         let [k1, k2, k3] = self.rates;
         let (second, by_b, by_c) = (2.0 * k2 * x[1], k3 * x[2], k3 * x[1]);
         [
@@ -93,7 +93,7 @@ impl Formula<3, 3> for Robertson {
             [0.0, second, 0.0],
         ]
     }
-    fn by_constants(&self, x: &[f64]) -> [[f64; 3]; 3] {
+    fn by_constants(&self, _t: f64, x: &[f64]) -> [[f64; 3]; 3] {
         let (first, second, third) = (x[0], x[1] * x[1], x[1] * x[2]);
         [
             [-first, 0.0, third],

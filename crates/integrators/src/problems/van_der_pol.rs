@@ -28,10 +28,10 @@ const SPAN: f64 = 2.0;
 const AT_SPAN: [f64; 2] = [1.706_167_732_170_465, -0.892_809_701_024_816_5];
 
 impl Formula<2, 1> for VanDerPol {
-    fn rate(&self, x: &[f64]) -> [f64; 2] {
+    fn rate(&self, _t: f64, x: &[f64]) -> [f64; 2] {
         [x[1], ((1.0 - x[0] * x[0]) * x[1] - x[0]) / self.epsilon]
     }
-    fn by_state(&self, x: &[f64]) -> [[f64; 2]; 2] {
+    fn by_state(&self, _t: f64, x: &[f64]) -> [[f64; 2]; 2] {
         [
             [0.0, 1.0],
             [
@@ -40,8 +40,8 @@ impl Formula<2, 1> for VanDerPol {
             ],
         ]
     }
-    fn by_constants(&self, x: &[f64]) -> [[f64; 1]; 2] {
-        let [_, rate] = Formula::rate(self, x);
+    fn by_constants(&self, _t: f64, x: &[f64]) -> [[f64; 1]; 2] {
+        let [_, rate] = Formula::rate(self, 0.0, x);
         [[0.0], [-rate / self.epsilon]]
     }
 }
