@@ -101,8 +101,8 @@ pub fn write(path: &Path, panels: &[Panel], columns: usize) -> Result<(), Box<dy
             .y_desc(&panel.y)
             .x_label_formatter(&power)
             .y_label_formatter(&power)
-            .x_labels(8)
-            .y_labels(10)
+            .x_labels(6)
+            .y_labels(7)
             .draw()?;
         for curve in &panel.curves {
             let points = curve
@@ -125,7 +125,10 @@ pub fn write(path: &Path, panels: &[Panel], columns: usize) -> Result<(), Box<dy
         .filter(|line| !line.trim().is_empty())
         .collect();
     let text = lines.join("\n") + "\n";
-    let style = "<svg style=\"max-width: 100%; height: auto\" ";
-    std::fs::write(path, text.replacen("<svg ", style, 1))?;
+    let style = "<svg style=\"max-width: 100%\" ";
+    let text = text
+        .replacen("<svg ", style, 1)
+        .replace(" opacity=\"1\"", "");
+    std::fs::write(path, text)?;
     Ok(())
 }
