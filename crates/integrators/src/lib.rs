@@ -4,7 +4,15 @@
 //! a closure. A [`Method`] steps it: [`Rk4`], [`Heun`], and for [`Mechanical`] systems the symplectic [`SymplecticEuler`],
 //! [`StormerVerlet`] and [`Variational`]. [`roll_out`] runs a method over a table of sample times with an input that is held between
 //! samples. [`Rk4`] alone is also generic over the scalar ([`Real`]): on dual numbers it carries exact derivatives of the discrete
-//! map along. [`problems`] holds test problems with known solutions.
+//! map along.
+//!
+//! [`gradient`] derives whole roll-outs of [`Differentiable`] systems by [`Rk4`] and [`Heun`], in any space: backwards by
+//! [`gradient::Adjoint`], in a fixed budget of memory for any number of steps, and forwards by [`gradient::Sensitivity`].
+//! [`gradient::DualOde`] makes a differentiable system of a right-hand side that is written once for plain and dual numbers.
+//! [`ensemble`] takes many roll-outs at once, in threads and in lanes of eight, and gradients of many, with the same bits for any number
+//! of threads.
+//!
+//! [`problems`] holds test problems with known solutions.
 //!
 #![doc = include_str!("../docs/fixed.md")]
 //!
@@ -17,7 +25,9 @@
 #![doc = include_str!("../docs/work_precision_fixed.svg")]
 
 mod differentiable;
+pub mod ensemble;
 mod fixed;
+pub mod gradient;
 mod mechanical;
 pub mod problems;
 mod real;

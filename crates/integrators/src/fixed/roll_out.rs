@@ -124,7 +124,7 @@ where
     Ok(states)
 }
 
-fn check_arguments<E>(
+pub(crate) fn check_arguments<E>(
     times: &[f64],
     inputs: usize,
     substeps: usize,
@@ -153,7 +153,7 @@ fn check_arguments<E>(
     Ok(())
 }
 
-fn check_finite<E>(time: f64, x: &[f64]) -> Result<(), RollOutError<E>> {
+pub(crate) fn check_finite<E>(time: f64, x: &[f64]) -> Result<(), RollOutError<E>> {
     match x.iter().position(|x| !x.is_finite()) {
         Some(component) => Err(RollOutError::NotFinite {
             time,

@@ -19,11 +19,145 @@ pub fn chart_rate<S: Space>(space: &S, xi: &[f64], rate: &[f64], work: &mut Work
     sum(&RATE, rate, work, out, |x, y| space.bracket_into(xi, x, y));
 }
 
-/// Memory for two terms.
+/// (−1)ⁿ/(n + 1)!, the coefficients of φ(z) = (1 − e^{−z})/z, which is dexp of these sides. The first that is left out is 4·10⁻¹⁹: for
+/// |ad ξ| ≤ 1, a turn of 1 rad, the series is exact to rounding.
+const MOVED: [f64; 19] = {
+    let mut series = [1.0; 19];
+    let mut n = 1;
+    while n < series.len() {
+        series[n] = -series[n - 1] / (n as f64 + 1.0);
+        n += 1;
+    }
+    series
+};
+
+/// How x = x₀ ∘ exp ξ is displaced, in its moved axes, when x₀ is displaced by `base` = η and the chart by `change` = δξ:
+/// e^{−ad_ξ} η + φ(ad_ξ) δξ = η + φ(ad_ξ) (δξ − [ξ, η]), for e^{−z} = 1 − φ(z) z.
+pub fn displaced<S: Space>(
+    space: &S,
+    xi: &[f64],
+    (base, change): (&[f64], &[f64]),
+    work: &mut Work,
+    out: &mut [f64],
+) {
+    work.rest.resize(base.len(), 0.0);
+    let mut rest = std::mem::take(&mut work.rest);
+    space.bracket_into(xi, base, &mut rest);
+    for (rest, change) in rest.iter_mut().zip(change) {
+        *rest = change - *rest;
+    }
+    sum_to_rounding(&MOVED, &rest, work, out, |x, y| {
+        space.bracket_into(xi, x, y)
+    });
+    for (out, base) in out.iter_mut().zip(base) {
+        *out += base;
+    }
+    work.rest = rest;
+}
+
+/// The transpose of [`displaced`]: for a covector m at x its parts at x₀, (e^{−ad_ξ})ᵀ m = m − ad_ξᵀ φ(ad_ξ)ᵀ m, and in the chart,
+/// φ(ad_ξ)ᵀ m.
+pub fn displaced_back<S: Space>(
+    space: &S,
+    xi: &[f64],
+    m: &[f64],
+    work: &mut Work,
+    (of_base, of_change): (&mut [f64], &mut [f64]),
+) {
+    sum_to_rounding(&MOVED, m, work, of_change, |x, y| {
+        space.cobracket_into(xi, x, y);
+    });
+    space.cobracket_into(xi, of_change, of_base);
+    for (of_base, m) in of_base.iter_mut().zip(m) {
+        *of_base = m - *of_base;
+    }
+}
+
+/// The transpose of [`chart_rate`] in the rate: its covector for a covector m of ξ̇.
+pub fn chart_rate_back<S: Space>(
+    space: &S,
+    xi: &[f64],
+    m: &[f64],
+    work: &mut Work,
+    out: &mut [f64],
+) {
+    sum(&RATE, m, work, out, |x, y| space.cobracket_into(xi, x, y));
+}
+
+/// Adds to `out` how ξ̇ = Σ rₙ ad_ξⁿ v changes with ξ for fixed v = `rate`, the derivative of the polynomial that [`chart_rate`] is:
+/// Σ rₙ Σ ad_ξᵐ [δξ, ad_ξʲ v] over n ≥ 1 and m + j = n − 1.
+pub fn chart_rate_change<S: Space>(
+    space: &S,
+    xi: &[f64],
+    (change, rate): (&[f64], &[f64]),
+    work: &mut Work,
+    out: &mut [f64],
+) {
+    let nt = rate.len();
+    work.powers(nt, rate, |x, y| space.bracket_into(xi, x, y));
+    // b_j = [δξ, ad_ξʲ v]; then Σ_m ad_ξᵐ Σ_j r_{m+j+1} b_j by Horner's scheme from the highest m.
+    for j in 0..ORDER {
+        let (powers, brackets) = (&work.powers, &mut work.brackets);
+        let of = j * nt..(j + 1) * nt;
+        space.bracket_into(change, &powers[of.clone()], &mut brackets[of]);
+    }
+    work.term.fill(0.0);
+    for m in (0..ORDER).rev() {
+        space.bracket_into(xi, &work.term, &mut work.next);
+        std::mem::swap(&mut work.term, &mut work.next);
+        for j in 0..ORDER - m {
+            let b = &work.brackets[j * nt..(j + 1) * nt];
+            for (term, b) in work.term.iter_mut().zip(b) {
+                *term += RATE[m + j + 1] * b;
+            }
+        }
+    }
+    for (out, term) in out.iter_mut().zip(&work.term) {
+        *out += term;
+    }
+}
+
+/// The transpose of [`chart_rate_change`] in δξ: adds to `out` the covector of ξ for a covector m of ξ̇. As m · ad_ξᵏ [δξ, y] =
+/// −(ad_yᵀ (ad_ξᵀ)ᵏ m) · δξ, it is −Σ_j ad_{yʲ}ᵀ Σ_k r_{k+j+1} (ad_ξᵀ)ᵏ m with yʲ = ad_ξʲ v.
+pub fn chart_rate_change_back<S: Space>(
+    space: &S,
+    xi: &[f64],
+    (m, rate): (&[f64], &[f64]),
+    work: &mut Work,
+    out: &mut [f64],
+) {
+    let nt = rate.len();
+    work.powers(nt, m, |x, y| space.cobracket_into(xi, x, y));
+    work.rest.clear();
+    work.rest.extend_from_slice(rate);
+    for j in 0..ORDER {
+        work.term.fill(0.0);
+        for k in 0..ORDER - j {
+            let power = &work.powers[k * nt..(k + 1) * nt];
+            for (term, power) in work.term.iter_mut().zip(power) {
+                *term += RATE[k + j + 1] * power;
+            }
+        }
+        space.cobracket_into(&work.rest, &work.term, &mut work.next);
+        for (out, next) in out.iter_mut().zip(&work.next) {
+            *out -= next;
+        }
+        space.bracket_into(xi, &work.rest, &mut work.next);
+        std::mem::swap(&mut work.rest, &mut work.next);
+    }
+}
+
+/// The highest power of ad_ξ in [`chart_rate`].
+const ORDER: usize = RATE.len() - 1;
+
+/// Memory for the terms of a series.
 #[derive(Debug, Clone, Default)]
 pub struct Work {
     term: Vec<f64>,
     next: Vec<f64>,
+    rest: Vec<f64>,
+    powers: Vec<f64>,
+    brackets: Vec<f64>,
 }
 
 impl Work {
@@ -31,6 +165,21 @@ impl Work {
         Work {
             term: vec![0.0; tangent_dim],
             next: vec![0.0; tangent_dim],
+            ..Self::default()
+        }
+    }
+
+    /// Fills `powers` with x, A x, A² x, … for the linear map y = A x that `apply(x, y)` is, and makes room for the rest.
+    fn powers(&mut self, nt: usize, x: &[f64], mut apply: impl FnMut(&[f64], &mut [f64])) {
+        for terms in [&mut self.term, &mut self.next, &mut self.rest] {
+            terms.resize(nt, 0.0);
+        }
+        self.powers.resize(ORDER * nt, 0.0);
+        self.brackets.resize(ORDER * nt, 0.0);
+        self.powers[..nt].copy_from_slice(x);
+        for n in 1..ORDER {
+            let (before, after) = self.powers.split_at_mut(n * nt);
+            apply(&before[(n - 1) * nt..], &mut after[..nt]);
         }
     }
 }
@@ -41,15 +190,45 @@ pub fn sum(
     x: &[f64],
     work: &mut Work,
     out: &mut [f64],
+    apply: impl FnMut(&[f64], &mut [f64]),
+) {
+    add_up(series, x, work, out, apply, false);
+}
+
+/// [`sum`] up to the first term that changes no entry: for long series of falling terms.
+fn sum_to_rounding(
+    series: &Series,
+    x: &[f64],
+    work: &mut Work,
+    out: &mut [f64],
+    apply: impl FnMut(&[f64], &mut [f64]),
+) {
+    add_up(series, x, work, out, apply, true);
+}
+
+#[inline]
+fn add_up(
+    series: &Series,
+    x: &[f64],
+    work: &mut Work,
+    out: &mut [f64],
     mut apply: impl FnMut(&[f64], &mut [f64]),
+    until_rounding: bool,
 ) {
     out.fill(0.0);
     work.term.resize(x.len(), 0.0);
     work.next.resize(x.len(), 0.0);
     work.term.copy_from_slice(x);
     for (n, &coefficient) in series.iter().enumerate() {
+        let mut changed = !until_rounding;
         for (out, term) in out.iter_mut().zip(&work.term) {
+            let before = *out;
             *out += coefficient * term;
+            // NaN is a change.
+            changed |= *out != before;
+        }
+        if !changed {
+            return;
         }
         if n + 1 < series.len() {
             apply(&work.term, &mut work.next);
