@@ -90,6 +90,22 @@ mod tests {
     }
 
     #[test]
+    fn period_is_the_elliptic_integral() {
+        // 4 K, by quadrature in 30 digits of ∫ dφ/√(1 − k² sin² φ) from 0 to π/2.
+        for (degrees, period) in [
+            (5.0_f64, 6.286_177_187_147_222),
+            (90.0, 7.416_298_709_205_487),
+            (150.0, 11.072_252_581_475_07),
+        ] {
+            let pendulum = Pendulum {
+                frequency: 1.0,
+                amplitude: degrees.to_radians(),
+            };
+            approx::assert_relative_eq!(pendulum.period(), period, max_relative = 1e-15);
+        }
+    }
+
+    #[test]
     fn solution_keeps_the_energy_and_returns_after_a_period() {
         let pendulum = Pendulum {
             frequency: 3.0,
