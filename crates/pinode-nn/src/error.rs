@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 use lagrange::Problems;
 
+use crate::motion::NotFree;
+
 /// An error of models, logs and what is done with them.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -72,6 +74,24 @@ pub enum Error {
         #[source]
         cause: lagrange::Error,
     },
+    /// The equations of an implicit step have not been solved in a simulation.
+    #[error(
+        "the simulation stops after t = {time} s of run `{run}`: the equations of the next step were not solved in {iterations} \
+         iterations (last change of the velocity: {change:e} of its size); take a shorter step, or an explicit method"
+    )]
+    NoStep {
+        /// The recording.
+        run: String,
+        /// The last good sample, s.
+        time: f64,
+        /// Iterations made.
+        iterations: usize,
+        /// The last change, relative to the velocity.
+        change: f64,
+    },
+    /// The method of a simulation is not for this mechanism.
+    #[error("{0}")]
+    NotFree(#[from] NotFree),
     /// No stretch of a log is long enough.
     #[error(
         "no window of {horizon} s fits into the logs: take a shorter horizon or longer recordings"

@@ -1,13 +1,17 @@
 //! Free runs: the model rolled out from an initial state under recorded inputs, without being corrected by measurements.
 //!
-//! Classical Runge-Kutta, the input held over each sample interval, the effects of the drive applied to it.
+//! Classical Runge-Kutta unless another method is asked for, the input held over each sample interval, the effects of the drive
+//! applied to it.
+
+use integrators::{Heun, Method, Order, Rk4, System, Variational};
 
 use crate::Error;
 use crate::diagnose::smooth::smooth;
-use crate::hybrid::{DrivenInputs, Hybrid};
+use crate::hybrid::{DrivenInputs, Hybrid, HybridMotion};
 use crate::log::Run;
 use crate::model::Model;
-use crate::shooting::{ObservedRun, Roller, Trajectory, wrap_angle};
+use crate::motion::check_free;
+use crate::shooting::{Diverged, ObservedRun, Roller, Trajectory, over_samples, wrap_angle};
 
 /// Integration steps are not longer than this unless asked for, s.
 pub const LONGEST_STEP: f64 = 1e-3;
@@ -119,7 +123,20 @@ impl<'a> FreeRun<'a> {
     }
 }
 
-/// The model from `initial` (q, v) over the times `t` under the inputs `u`: one state a sample.
+/// By which method a model is simulated, with fixed steps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum Scheme {
+    /// Classical Runge-Kutta, of order 4
+    #[default]
+    Rk4,
+    /// Heun's method, of order 2: for rough forces
+    Heun,
+    /// Variational, of order 4: the energy of long runs does not drift; not under constraints
+    Variational,
+}
+
+/// The model from `initial` (q, v) over the times `t` under the inputs `u`, by classical Runge-Kutta: one state a sample.
 ///
 /// # Errors
 /// [`Error::Diverged`], or [`Error::Stopped`] with what the dynamics refuse, and the last time that was reached; `run` is what the recording is called there.
@@ -131,32 +148,76 @@ pub fn simulate(
     initial: &[f64],
     longest_step: f64,
 ) -> Result<Vec<Vec<f64>>, Error> {
+    simulate_by(Scheme::Rk4, model, run, t, u, initial, longest_step)
+}
+
+/// [`simulate`] by another method.
+///
+/// # Errors
+/// Those of [`simulate`]; [`Error::NoStep`] where an implicit step is not solved; [`Error::NotFree`] where the method is not for the
+/// mechanism.
+pub fn simulate_by(
+    scheme: Scheme,
+    model: &Model,
+    run: &str,
+    t: &[f64],
+    u: &[Vec<f64>],
+    initial: &[f64],
+    longest_step: f64,
+) -> Result<Vec<Vec<f64>>, Error> {
     if t.is_empty() {
         return Ok(Vec::new());
     }
     let hybrid = Hybrid::of(model);
-    let free_run = FreeRun::new(&hybrid, t, u, longest_step);
-    let mut trajectory = Trajectory::default();
-    let rolled = free_run.roller().roll(
-        &free_run.theta,
-        &free_run.inputs,
-        (0, t.len()),
-        initial,
-        &mut trajectory,
-    );
-    let states: Vec<Vec<f64>> = trajectory
-        .states
-        .chunks(initial.len().max(1))
-        .map(<[f64]>::to_vec)
-        .collect();
+    let FreeRun { theta, inputs, .. } = FreeRun::new(&hybrid, t, u, longest_step);
+    let motion = HybridMotion::new(&hybrid, &theta, &[], &inputs);
+    let mut states = vec![initial.to_vec()];
+    let rolled = match scheme {
+        Scheme::Rk4 => roll(&motion, Rk4::default(), &inputs, t.len(), &mut states),
+        Scheme::Heun => roll(&motion, Heun::default(), &inputs, t.len(), &mut states),
+        Scheme::Variational => {
+            check_free(&*model.mechanics, &model.parameter_values)?;
+            let method = Variational::new(&motion, Order::Four);
+            roll(&motion, method, &inputs, t.len(), &mut states)
+        }
+    };
     let Err(diverged) = rolled else {
         return Ok(states);
     };
     let run = run.to_owned();
     let last = t.get(states.len().saturating_sub(1));
     let time = last.copied().unwrap_or_default();
-    Err(match diverged.cause {
-        Some(lagrange::Error::AccelerationNotFinite { .. }) | None => Error::Diverged { run, time },
-        Some(cause) => Error::Stopped { run, time, cause },
+    Err(match diverged {
+        Diverged::OutOfRange
+        | Diverged::Dynamics(lagrange::Error::AccelerationNotFinite { .. }) => {
+            Error::Diverged { run, time }
+        }
+        Diverged::Dynamics(cause) => Error::Stopped { run, time, cause },
+        Diverged::NoConvergence { iterations, change } => Error::NoStep {
+            run,
+            time,
+            iterations,
+            change,
+        },
     })
+}
+
+/// Appends the states at the samples behind the one that `states` holds.
+fn roll<'a>(
+    motion: &HybridMotion<'a>,
+    mut method: impl Method<HybridMotion<'a>>,
+    inputs: &DrivenInputs,
+    samples: usize,
+    states: &mut Vec<Vec<f64>>,
+) -> Result<(), Diverged> {
+    let mut state = states.last().cloned().unwrap_or_default();
+    over_samples(
+        motion,
+        &mut method,
+        &mut motion.memory(),
+        inputs,
+        (0, samples),
+        &mut state,
+        |state| states.push(state.to_vec()),
+    )
 }

@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 
 use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion, Vector3};
 use pinode_nn::Error;
-use pinode_nn::free_run::simulate;
+use pinode_nn::free_run::{Scheme, simulate, simulate_by};
 use pinode_nn::model::Model;
 use serde_json::{Value, json};
 
@@ -429,4 +429,52 @@ fn an_initial_state_of_the_wrong_length_is_told_the_names() {
             0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         ]
     );
+}
+
+#[test]
+fn the_methods_of_simulate_agree_on_a_falling_quadruped() {
+    let model = load(&folder(&quadruped(), "base = 'floating'"));
+    let turn = UnitQuaternion::from_euler_angles(0.4, 0.2, -0.8);
+    let mut state = vec![0.0, 0.0, 1.0, turn.w, turn.i, turn.j, turn.k];
+    state.extend([0.3, -0.9, 0.1, 0.8, -0.4, 0.6, 0.2, -0.5]);
+    state.extend([0.4, -0.2, 0.9, 2.0, -3.0, 1.0]);
+    state.extend([3.0, -4.0, 2.0, 5.0, -3.0, 1.0, -2.0, 4.0]);
+    let t: Vec<f64> = (0..=20).map(|k| 0.01 * f64::from(k)).collect();
+    let by = |scheme| simulate_by(scheme, &model, "0", &t, &[], &state, 5e-4).unwrap();
+    let rk4 = by(Scheme::Rk4);
+    for (scheme, most) in [(Scheme::Variational, 1e-8), (Scheme::Heun, 1e-3)] {
+        let other = by(scheme);
+        assert_eq!(other.len(), 21);
+        for (a, b) in rk4[20].iter().zip(&other[20]) {
+            assert!((a - b).abs() < most, "{scheme:?}: {a} {b}");
+        }
+    }
+}
+
+#[test]
+fn simulate_refuses_the_variational_method_under_constraints() {
+    let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
+    let dir = tempfile::tempdir().unwrap();
+    let model = models.join("four_bar/four_bar.toml");
+    let arguments = [
+        "simulate",
+        model.to_str().unwrap(),
+        "--out",
+        "t.csv",
+        "--duration",
+        "0.1",
+    ];
+    let output = pinode(
+        &dir,
+        &[&arguments[..], &["--method", "variational"]].concat(),
+    );
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        stderr(&output).contains("obeys 2 constraints"),
+        "{}",
+        stderr(&output)
+    );
+    assert!(!dir.path().join("t.csv").exists());
+    let output = pinode(&dir, &[&arguments[..], &["--method", "heun"]].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
 }

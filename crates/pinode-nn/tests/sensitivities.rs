@@ -3,8 +3,9 @@
 
 use std::path::Path;
 
+use integrators::{Differentiable, Gradient, Jacobian, Space, System};
 use pinode_nn::effect::{Action, default_smoothing, registry};
-use pinode_nn::hybrid::{ConstantId, Hybrid, Placed};
+use pinode_nn::hybrid::{ConstantId, Hybrid, HybridMotion, Placed};
 use pinode_nn::model::Model;
 use pinode_nn::shooting::{Roller, Trajectory};
 
@@ -196,5 +197,85 @@ fn a_delay_of_whole_steps_shifts_the_input_and_any_delay_keeps_its_impulse() {
     let impulse = sum(now);
     for seconds in [0.0013, 0.02, 0.0377] {
         assert!((sum(forces(seconds)) - impulse).abs() < 1e-9 * impulse.abs().max(1.0));
+    }
+}
+
+/// The quadruped in the air, with the damping of its gears.
+fn quadruped() -> (Hybrid, Vec<f64>) {
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../models/quadruped/quadruped.toml"
+    );
+    let mut hybrid = Hybrid::of(&Model::load(Path::new(path)).unwrap());
+    for constant in hybrid.constants_mut() {
+        constant.tolerance = f64::INFINITY;
+    }
+    let motion: Vec<f64> = (0..18).map(|i| (0.8 * f64::from(i)).sin()).collect();
+    let mechanics = hybrid.mechanics();
+    let mut x = mechanics.integrate(&mechanics.neutral(), &motion).unwrap();
+    x.extend((0..18).map(|i| 2.0 * (1.7 * f64::from(i)).cos()));
+    (hybrid, x)
+}
+
+/// The model as a system of `integrators`: rows pulled back against the linear system, and that against differences along the
+/// directions of motion.
+#[test]
+fn derivatives_of_the_hybrid_motion_agree_with_one_another_and_with_differences() {
+    let cartpole = (with_every_effect(), vec![0.05, 2.4, 0.3, -2.0]);
+    for (hybrid, x) in [cartpole, quadruped()] {
+        let (t, u) = times_and_input();
+        let u = if hybrid.inputs() == 0 { Vec::new() } else { u };
+        let (theta, free) = (hybrid.theta(), hybrid.free());
+        let inputs = hybrid.drive(&t, &u, SUBSTEPS, &theta, &free);
+        let motion = HybridMotion::new(&hybrid, &theta, &free, &inputs);
+        let nt = motion.space().tangent_dim();
+        let mut memory = motion.memory();
+        let (mut dx, mut by) = (vec![0.0; nt], Jacobian::zeros(&motion));
+        let at = (0.0, x.as_slice(), &57);
+        motion.linearize(at, &mut memory, &mut dx, &mut by).unwrap();
+
+        let weight: Vec<f64> = (0..nt).map(|i| (0.3 + 1.9 * i as f64).sin()).collect();
+        let mut row = Gradient::zeros(&motion);
+        let mut again = vec![0.0; nt];
+        motion
+            .pull_back(at, &mut memory, &weight, &mut again, &mut row)
+            .unwrap();
+        let size = dx.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        for (a, b) in dx.iter().zip(&again) {
+            assert!((a - b).abs() < 1e-11 * size, "{a} {b}");
+        }
+        let matrices = [(&by.state, &row.state), (&by.parameters, &row.parameters)];
+        for (matrix, row) in matrices {
+            assert_eq!(matrix.ncols(), row.len());
+            for (column, found) in matrix.column_iter().zip(row) {
+                let expected: f64 = column.iter().zip(&weight).map(|(a, w)| a * w).sum();
+                assert!(
+                    (found - expected).abs() < 1e-11 * matrix.amax(),
+                    "{found} {expected}"
+                );
+            }
+        }
+
+        let h = 1e-6;
+        for j in 0..nt {
+            let mut rate = |sign: f64| {
+                let mut xi = vec![0.0; nt];
+                xi[j] = sign * h;
+                let mut moved = vec![0.0; x.len()];
+                motion.space().move_into(&x, &xi, &mut moved);
+                let mut out = vec![0.0; nt];
+                motion
+                    .rate(0.0, &moved, &57, &mut memory, &mut out)
+                    .unwrap();
+                out
+            };
+            for ((up, down), exact) in rate(1.0).iter().zip(rate(-1.0)).zip(&by.state.column(j)) {
+                let found = (up - down) / (2.0 * h);
+                assert!(
+                    (found - exact).abs() < 1e-6 * by.state.amax(),
+                    "x[{j}]: {exact}, {found} by differences"
+                );
+            }
+        }
     }
 }

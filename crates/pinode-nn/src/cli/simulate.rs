@@ -14,7 +14,7 @@ use super::output::Output;
 use crate::Error;
 use crate::disk::write_atomically;
 use crate::entries::{q_names, starts, v_names};
-use crate::free_run::{Initial, LONGEST_STEP, initial_states, simulate};
+use crate::free_run::{Initial, LONGEST_STEP, Scheme, initial_states, simulate_by};
 use crate::log::Run;
 use crate::model::Model;
 
@@ -48,6 +48,9 @@ pub(super) struct Arguments {
     /// Longest integration step, s
     #[arg(long, value_name = "S", default_value_t = LONGEST_STEP, value_parser = positive, allow_negative_numbers = true)]
     step: f64,
+    /// Method of integration
+    #[arg(long, value_enum, default_value_t)]
+    method: Scheme,
     /// The trajectory, in the format of a log: positions as the sensors would read them without noise, velocities of the model
     #[arg(long, value_name = "TRAJ.csv")]
     out: PathBuf,
@@ -108,7 +111,15 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
             (None, None) => at_rest(&model),
         };
         let initial = consistent(&model, &run.id, initial, output)?;
-        let states = simulate(&model, &run.id, &run.t, &run.u, &initial, arguments.step)?;
+        let states = simulate_by(
+            arguments.method,
+            &model,
+            &run.id,
+            &run.t,
+            &run.u,
+            &initial,
+            arguments.step,
+        )?;
         samples += states.len();
         let id = arguments.log.is_some().then_some(run.id.as_str());
         write_rows(&mut text, &model, &run, id, &states)?;

@@ -44,6 +44,7 @@ use lagrange::{Error, ForwardDynamicsDerivatives, ForwardDynamicsGradient, Mecha
 use nalgebra::DVector;
 
 pub use free::{FreeMotion, NotFree};
+pub(crate) use free::{check_free, not_separable};
 pub(crate) use momenta::Momenta;
 pub use positions::Positions;
 

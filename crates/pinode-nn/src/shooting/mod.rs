@@ -14,5 +14,6 @@ pub use fit::{Fit, FitOptions, fit};
 pub(crate) use normal::{Accumulator, fill_row};
 pub use normal::{Reduced, WindowNormal};
 pub use observation::{Channel, Observations, ObservedRun, wrap_angle};
+pub(crate) use roll::over_samples;
 pub use roll::{Diverged, Roller, Trajectory};
 pub use window::{Window, Windows, consecutive};

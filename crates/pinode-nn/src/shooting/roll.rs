@@ -1,19 +1,51 @@
 //! Roll-outs of the hybrid model over a window of a recording, with exact sensitivities.
 
-use integrators::Rk4;
+use integrators::{Flat, Method, Rk4, StepError, System};
 
-use crate::hybrid::{DrivenInputs, Hybrid, Memory};
+use crate::hybrid::{DrivenInputs, Hybrid, HybridMotion, Memory};
 
-/// A roll-out left the finite numbers, or the mass matrix lost its inverse on the way.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Diverged {
-    /// What the dynamics refused; none where the state left the finite numbers.
-    pub cause: Option<lagrange::Error>,
+/// Why a roll-out ended before its last sample.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Diverged {
+    /// The state left the range of any mechanism, or the finite numbers.
+    #[error("the state leaves the range of any mechanism")]
+    OutOfRange,
+    /// What the dynamics refused.
+    #[error("{0}")]
+    Dynamics(lagrange::Error),
+    /// The equations of an implicit step were not solved.
+    #[error(
+        "the equations of a step were not solved in {iterations} iterations (last change of the velocity: {change:e} of its size)"
+    )]
+    NoConvergence {
+        /// Iterations made.
+        iterations: usize,
+        /// The last change, relative to the velocity.
+        change: f64,
+    },
 }
 
-impl From<lagrange::Error> for Diverged {
-    fn from(cause: lagrange::Error) -> Self {
-        Diverged { cause: Some(cause) }
+impl Diverged {
+    /// A state beyond any mechanism's, or not a number, ends the roll-out.
+    pub(crate) fn check(state: &[f64]) -> Result<(), Diverged> {
+        if state.iter().all(|x| x.abs() < 1e12) {
+            Ok(())
+        } else {
+            Err(Diverged::OutOfRange)
+        }
+    }
+}
+
+impl From<StepError<Diverged>> for Diverged {
+    fn from(error: StepError<Diverged>) -> Self {
+        match error {
+            StepError::RightHandSide(cause) => cause,
+            StepError::NoConvergence { iterations, change } => {
+                Diverged::NoConvergence { iterations, change }
+            }
+            _ => Diverged::OutOfRange,
+        }
     }
 }
 
@@ -38,6 +70,29 @@ pub struct Roller<'a> {
     state: Vec<f64>,
 }
 
+/// Steps `state` by `method` from sample `first` on over `count` samples, the one it is at included; after each of the others `keep`
+/// sees it.
+pub(crate) fn over_samples<S: System<Input = usize, Error = Diverged>>(
+    system: &S,
+    method: &mut impl Method<S>,
+    memory: &mut S::Memory,
+    inputs: &DrivenInputs,
+    (first, count): (usize, usize),
+    state: &mut [f64],
+    mut keep: impl FnMut(&[f64]),
+) -> Result<(), Diverged> {
+    let substeps = inputs.grid.substeps;
+    for sample in first..first + count - 1 {
+        for step in sample * substeps..(sample + 1) * substeps {
+            let (a, b) = (inputs.grid.bounds[step], inputs.grid.bounds[step + 1]);
+            method.step(system, a, b - a, &step, memory, state)?;
+        }
+        Diverged::check(state)?;
+        keep(state);
+    }
+    Ok(())
+}
+
 impl<'a> Roller<'a> {
     /// For the model with these free entries of θ.
     pub fn new(hybrid: &'a Hybrid, free: &'a [usize]) -> Self {
@@ -56,48 +111,29 @@ impl<'a> Roller<'a> {
     }
 
     /// States at `count` samples from sample `first` on, starting at `initial`.
-    ///
-    /// A pose moves with the rate of its quaternion, ½ (quaternion) ∘ (0, ω), which is divided by its length after every step. The
-    /// steps leave the unit sphere by terms of the order of their own error, so that the global error stays of order h⁴.
     pub fn roll(
         &mut self,
         theta: &[f64],
         inputs: &DrivenInputs,
-        (first, count): (usize, usize),
+        span: (usize, usize),
         initial: &[f64],
         out: &mut Trajectory,
     ) -> Result<(), Diverged> {
-        let nq = self.hybrid.nq();
-        let (hybrid, memory) = (self.hybrid, &mut self.memory);
+        let motion = HybridMotion::new(self.hybrid, theta, self.free, inputs);
         self.state.clear();
         self.state.extend_from_slice(initial);
-        out.states.clear();
         out.sensitivities.clear();
+        out.states.clear();
         out.states.extend_from_slice(initial);
-        let substeps = inputs.grid.substeps;
-        for sample in first..first + count - 1 {
-            for step in sample * substeps..(sample + 1) * substeps {
-                let (a, b) = (inputs.grid.bounds[step], inputs.grid.bounds[step + 1]);
-                self.rk4.step(
-                    a,
-                    b - a,
-                    &mut self.state,
-                    |_, x, dx| -> Result<(), Diverged> {
-                        let (q, v) = x.split_at(nq);
-                        // Beyond the range of any mechanism it is the state that is at fault.
-                        let found = hybrid.acceleration((q, v), theta, inputs, step, memory);
-                        found.or_else(|e| check(x).and(Err(e.into())))?;
-                        hybrid.position_rate(q, v, &mut dx[..nq]);
-                        dx[nq..].copy_from_slice(memory.acceleration.as_slice());
-                        Ok(())
-                    },
-                )?;
-                hybrid.normalize(&mut self.state[..nq]);
-            }
-            check(&self.state)?;
-            out.states.extend_from_slice(&self.state);
-        }
-        Ok(())
+        over_samples(
+            &motion,
+            &mut self.rk4,
+            &mut self.memory,
+            inputs,
+            span,
+            &mut self.state,
+            |state| out.states.extend_from_slice(state),
+        )
     }
 
     /// As [`roll`](Self::roll), with the sensitivities in the initial state and θ_free. Not for poses, which diagnosis and evaluation
@@ -106,69 +142,102 @@ impl<'a> Roller<'a> {
         &mut self,
         theta: &[f64],
         inputs: &DrivenInputs,
-        (first, count): (usize, usize),
+        span: (usize, usize),
         initial: &[f64],
         out: &mut Trajectory,
     ) -> Result<(), Diverged> {
-        let n = self.hybrid.nv();
-        let nx = 2 * n;
-        let columns = self.columns();
-        let (hybrid, memory, free) = (self.hybrid, &mut self.memory, self.free);
+        let nx = initial.len();
+        let size = nx + nx * self.columns();
+        let system = WithSensitivities {
+            hybrid: self.hybrid,
+            theta,
+            free: self.free,
+            inputs,
+            space: Flat::new(size),
+        };
         self.state.clear();
         self.state.extend_from_slice(initial);
-        self.state.resize(nx + nx * columns, 0.0);
+        self.state.resize(size, 0.0);
         for i in 0..nx {
             self.state[nx + i * nx + i] = 1.0;
         }
-        out.states.clear();
-        out.sensitivities.clear();
-        out.states.extend_from_slice(initial);
-        out.sensitivities.extend_from_slice(&self.state[nx..]);
-        let substeps = inputs.grid.substeps;
-        for sample in first..first + count - 1 {
-            for step in sample * substeps..(sample + 1) * substeps {
-                let (a, b) = (inputs.grid.bounds[step], inputs.grid.bounds[step + 1]);
-                self.rk4.step(
-                    a,
-                    b - a,
-                    &mut self.state,
-                    |_, x, dx| -> Result<(), Diverged> {
-                        let (q, v) = x[..nx].split_at(n);
-                        hybrid.linearize((q, v), theta, free, inputs, step, memory)?;
-                        dx[..n].copy_from_slice(v);
-                        dx[n..nx].copy_from_slice(memory.acceleration.as_slice());
-                        let pairs = x[nx..].chunks_exact(nx).zip(dx[nx..].chunks_exact_mut(nx));
-                        for (column, (s, ds)) in pairs.enumerate() {
-                            ds[..n].copy_from_slice(&s[n..]);
-                            for i in 0..n {
-                                let mut rate = if column < nx {
-                                    0.0
-                                } else {
-                                    memory.linear[(i, column)]
-                                };
-                                for (j, s) in s.iter().enumerate() {
-                                    rate += memory.linear[(i, j)] * s;
-                                }
-                                ds[n + i] = rate;
-                            }
-                        }
-                        Ok(())
-                    },
-                )?;
-            }
-            check(&self.state)?;
-            out.states.extend_from_slice(&self.state[..nx]);
-            out.sensitivities.extend_from_slice(&self.state[nx..]);
-        }
-        Ok(())
+        let Trajectory {
+            states,
+            sensitivities,
+        } = out;
+        states.clear();
+        sensitivities.clear();
+        let mut keep = |state: &[f64]| {
+            states.extend_from_slice(&state[..nx]);
+            sensitivities.extend_from_slice(&state[nx..]);
+        };
+        keep(&self.state);
+        over_samples(
+            &system,
+            &mut self.rk4,
+            &mut self.memory,
+            inputs,
+            span,
+            &mut self.state,
+            keep,
+        )
     }
 }
 
-/// A state beyond any mechanism's, or not a number, ends the roll-out.
-fn check(state: &[f64]) -> Result<(), Diverged> {
-    if state.iter().all(|x| x.abs() < 1e12) {
+/// (x, S) with Ṡ = (∂f/∂x) S + ∂f/∂θ, for a flat space of x.
+struct WithSensitivities<'a> {
+    hybrid: &'a Hybrid,
+    theta: &'a [f64],
+    free: &'a [usize],
+    inputs: &'a DrivenInputs,
+    space: Flat,
+}
+
+impl System for WithSensitivities<'_> {
+    type Space = Flat;
+    type Input = usize;
+    type Memory = Memory;
+    type Error = Diverged;
+
+    fn space(&self) -> &Flat {
+        &self.space
+    }
+
+    fn memory(&self) -> Memory {
+        self.hybrid.memory(self.free)
+    }
+
+    fn rate(
+        &self,
+        _t: f64,
+        x: &[f64],
+        step: &usize,
+        memory: &mut Memory,
+        dx: &mut [f64],
+    ) -> Result<(), Diverged> {
+        let n = self.hybrid.nv();
+        let nx = 2 * n;
+        let (q, v) = x[..nx].split_at(n);
+        self.hybrid
+            .linearize((q, v), self.theta, self.free, self.inputs, *step, memory)
+            .map_err(Diverged::Dynamics)?;
+        dx[..n].copy_from_slice(v);
+        dx[n..nx].copy_from_slice(memory.acceleration.as_slice());
+        let pairs = x[nx..].chunks_exact(nx).zip(dx[nx..].chunks_exact_mut(nx));
+        for (column, (s, ds)) in pairs.enumerate() {
+            ds[..n].copy_from_slice(&s[n..]);
+            for i in 0..n {
+                let mut rate = if column < nx {
+                    0.0
+                } else {
+                    memory.linear[(i, column)]
+                };
+                for (j, s) in s.iter().enumerate() {
+                    rate += memory.linear[(i, j)] * s;
+                }
+                ds[n + i] = rate;
+            }
+        }
         Ok(())
-    } else {
-        Err(Diverged { cause: None })
     }
 }

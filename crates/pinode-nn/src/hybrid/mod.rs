@@ -6,15 +6,22 @@
 //! What can be estimated is one vector θ of [`Constant`]s: the constants of the mechanics, the input gains, the zeros of the
 //! sensors, and the parameters of the effects, in this order.
 
+mod dynamics;
+mod motion;
+
 use std::ops::Range;
 use std::sync::Arc;
 
-use lagrange::{ForwardDynamicsDerivatives, Mechanics, Role, Workspace, state};
-use nalgebra::{DMatrix, DVector};
+use integrators::{PhaseSpace, Space};
+use lagrange::{Mechanics, Role};
 
-use crate::effect::{Action, Grid, JointForce, Kind, Signal, default_smoothing};
+use crate::effect::{Action, Grid, Kind, Signal, default_smoothing};
 use crate::entries::{Start, starts};
 use crate::model::{Model, Target};
+use crate::motion::Positions;
+
+pub use dynamics::Memory;
+pub use motion::HybridMotion;
 
 /// One entry of θ.
 #[derive(Debug, Clone, PartialEq)]
@@ -61,6 +68,8 @@ pub struct Hybrid {
     mechanics: Arc<dyn Mechanics>,
     /// Where each coordinate stands in q and in v.
     starts: Vec<Start>,
+    /// Where the states (q, v) live.
+    space: PhaseSpace<Positions>,
     /// The coordinate each input acts on.
     input_coordinates: Vec<usize>,
     effects: Vec<Placed>,
@@ -148,6 +157,9 @@ impl Hybrid {
         );
         Hybrid {
             starts: starts(mechanics.coordinates()),
+            space: PhaseSpace {
+                positions: Positions::new(mechanics.coordinates()),
+            },
             mechanics,
             input_coordinates,
             effects: Vec::new(),
@@ -212,12 +224,12 @@ impl Hybrid {
 
     /// Length of q: more than [`nv`](Self::nv) where a body floats.
     pub fn nq(&self) -> usize {
-        self.mechanics.nq()
+        self.space.positions.dim()
     }
 
     /// Degrees of freedom: as many as coordinates, unless a body floats.
     pub fn nv(&self) -> usize {
-        self.mechanics.nv()
+        self.space.positions.tangent_dim()
     }
 
     /// Number of inputs.
@@ -354,175 +366,4 @@ impl Hybrid {
         }
         signal.value.iter_mut().for_each(|u| *u *= gain);
     }
-
-    /// Memory for [`acceleration`](Self::acceleration) and [`linearize`](Self::linearize) for one thread.
-    pub fn memory(&self, free: &[usize]) -> Memory {
-        let n = self.nv();
-        let mechanics: Vec<usize> = free
-            .iter()
-            .copied()
-            .filter(|i| self.mechanics_range().contains(i))
-            .collect();
-        Memory {
-            work: self.mechanics.workspace(),
-            acceleration: DVector::zeros(n),
-            by: ForwardDynamicsDerivatives::zeros(n, mechanics.len()),
-            mechanics,
-            forces: DMatrix::zeros(n, 2 * n + free.len()),
-            linear: DMatrix::zeros(n, 2 * n + free.len()),
-            by_parameter: vec![0.0; 8],
-        }
-    }
-
-    /// v̇ at (q, v) under the input forces of integration step `step`; left in `memory.acceleration`.
-    pub fn acceleration(
-        &self,
-        (q, v): (&[f64], &[f64]),
-        theta: &[f64],
-        inputs: &DrivenInputs,
-        step: usize,
-        memory: &mut Memory,
-    ) -> Result<(), lagrange::Error> {
-        self.load((q, v), theta, inputs, step, memory);
-        let p = &theta[self.mechanics_range()];
-        self.mechanics
-            .forward_dynamics_into(q, v, p, &mut memory.work, &mut memory.acceleration)
-    }
-
-    /// Q of inputs and effects, into `memory.acceleration`.
-    fn load(
-        &self,
-        (q, v): (&[f64], &[f64]),
-        theta: &[f64],
-        inputs: &DrivenInputs,
-        step: usize,
-        memory: &mut Memory,
-    ) {
-        memory.acceleration.fill(0.0);
-        for (signal, &coordinate) in inputs.forces.iter().zip(&self.input_coordinates) {
-            memory.acceleration[self.starts[coordinate].v] += signal.value[step];
-        }
-        for (law, effect, range) in self.forces() {
-            let at = self.starts[effect.target];
-            memory.acceleration[at.v] += law.force(
-                q[at.q],
-                v[at.v],
-                &theta[range.clone()],
-                effect.smoothing * self.smoothing_scale,
-            );
-        }
-    }
-
-    /// q̇ at the velocity `v`: v itself, except where a body floats.
-    pub fn position_rate(&self, q: &[f64], v: &[f64], out: &mut [f64]) {
-        if out.len() == v.len() {
-            out.copy_from_slice(v);
-        } else {
-            state::position_rate_into(self.mechanics.coordinates(), q, v, out);
-        }
-    }
-
-    /// Puts q back onto the configuration manifold: its quaternions become of length 1.
-    pub fn normalize(&self, q: &mut [f64]) {
-        if q.len() != self.nv() {
-            state::normalize(self.mechanics.coordinates(), q);
-        }
-    }
-
-    /// v̇ as [`acceleration`](Self::acceleration), and in `memory.linear` its derivatives [∂v̇/∂q, ∂v̇/∂v, ∂v̇/∂θ_free]:
-    ///
-    /// ∂v̇/∂x = ∂v̇/∂Q ∂Q/∂x + ∂v̇/∂x at fixed Q.
-    pub fn linearize(
-        &self,
-        (q, v): (&[f64], &[f64]),
-        theta: &[f64],
-        free: &[usize],
-        inputs: &DrivenInputs,
-        step: usize,
-        memory: &mut Memory,
-    ) -> Result<(), lagrange::Error> {
-        self.load((q, v), theta, inputs, step, memory);
-        let n = self.nv();
-        let p = &theta[self.mechanics_range()];
-        let by = &mut memory.by;
-        self.mechanics.forward_dynamics_derivatives_into(
-            q,
-            v,
-            memory.acceleration.as_slice(),
-            p,
-            &memory.mechanics,
-            &mut memory.work,
-            by,
-        )?;
-        memory.acceleration.copy_from(&by.acceleration);
-        // First ∂Q/∂x of what makes Q.
-        let rhs = &mut memory.forces;
-        rhs.fill(0.0);
-        let column = |index: usize| free.binary_search(&index).ok().map(|k| 2 * n + k);
-        for (signal, &coordinate) in inputs.forces.iter().zip(&self.input_coordinates) {
-            for (index, derivative) in &signal.by_parameter {
-                if let Some(column) = column(*index) {
-                    rhs[(self.starts[coordinate].v, column)] += derivative[step];
-                }
-            }
-        }
-        for (law, effect, range) in self.forces() {
-            let by_parameter = &mut memory.by_parameter[..range.len()];
-            let Start { q: iq, v: iv } = self.starts[effect.target];
-            let at = law.derivatives(
-                q[iq],
-                v[iv],
-                &theta[range.clone()],
-                effect.smoothing * self.smoothing_scale,
-                by_parameter,
-            );
-            rhs[(iv, iv)] += at.by_q;
-            rhs[(iv, n + iv)] += at.by_v;
-            for (index, derivative) in range.clone().zip(by_parameter) {
-                if let Some(column) = column(index) {
-                    rhs[(iv, column)] += *derivative;
-                }
-            }
-        }
-        // ∂v̇/∂x = ∂v̇/∂Q ∂Q/∂x, and what the mechanics adds.
-        let linear = &mut memory.linear;
-        by.by_force.mul_to(rhs, linear);
-        for (first, block) in [(0, &by.by_q), (n, &by.by_v)] {
-            let mut columns = linear.columns_mut(first, n);
-            columns += block;
-        }
-        for (k, &index) in memory.mechanics.iter().enumerate() {
-            if let Some(column) = column(index) {
-                let mut to = linear.column_mut(column);
-                to += by.by_p.column(k);
-            }
-        }
-        Ok(())
-    }
-
-    /// The effects that are forces.
-    fn forces(&self) -> impl Iterator<Item = (&'static dyn JointForce, &Placed, &Range<usize>)> {
-        self.effects
-            .iter()
-            .zip(&self.ranges)
-            .filter_map(|(effect, range)| match effect.kind.action {
-                Action::Joint(law) => Some((law, effect, range)),
-                Action::Drive(_) => None,
-            })
-    }
-}
-
-/// Memory of one thread for one set of free constants.
-pub struct Memory {
-    work: Workspace,
-    /// v̇ of the last call.
-    pub acceleration: DVector<f64>,
-    by: ForwardDynamicsDerivatives,
-    /// ∂Q/∂(q, v, θ_free) of inputs and effects.
-    forces: DMatrix<f64>,
-    /// The free constants of the mechanics.
-    mechanics: Vec<usize>,
-    /// [∂v̇/∂q, ∂v̇/∂v, ∂v̇/∂θ_free] of the last [`Hybrid::linearize`].
-    pub linear: DMatrix<f64>,
-    by_parameter: Vec<f64>,
 }
