@@ -104,12 +104,14 @@ const LOGISTIC: [f64; 16] = [
 
 /// The largest size of an entry; NaN where there is one.
 fn largest(x: &[f64]) -> f64 {
-    x.iter().fold(
-        0.0,
-        |largest, x| {
-            if x.abs() <= largest { largest } else { x.abs() }
-        },
-    )
+    x.iter().fold(0.0, |largest: f64, x| {
+        // f64::max would let a NaN go.
+        if largest.is_nan() || x.abs() <= largest {
+            largest
+        } else {
+            x.abs()
+        }
+    })
 }
 
 impl Variational {
@@ -305,5 +307,22 @@ impl Variational {
         system
             .velocity(q, memory, &mut self.momentum)
             .map_err(failed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::largest;
+
+    #[test]
+    fn no_entry_hides_a_nan() {
+        assert_eq!(largest(&[1.0, -3.0, 2.0]), 3.0);
+        for x in [
+            [f64::NAN, 1.0, 2.0],
+            [1.0, f64::NAN, 2.0],
+            [1.0, 2.0, f64::NAN],
+        ] {
+            assert!(largest(&x).is_nan());
+        }
     }
 }
