@@ -12,6 +12,8 @@
 //! [`ensemble`] takes many roll-outs at once, in threads and in lanes of eight, and gradients of many, with the same bits for any number
 //! of threads.
 //!
+//! [`event`] steps mechanisms under dry friction that sticks, stops, backlash and impacts, from one located event to the next.
+//!
 //! [`problems`] holds test problems with known solutions.
 //!
 #![doc = include_str!("../docs/fixed.md")]
@@ -26,6 +28,7 @@
 
 mod differentiable;
 pub mod ensemble;
+pub mod event;
 mod fixed;
 pub mod gradient;
 mod mechanical;

@@ -117,6 +117,26 @@ fn add<S: Real>(y: &mut [S], factor: f64, k: &[S]) {
     }
 }
 
+impl Rk4<f64> {
+    /// A step of a system in any space.
+    pub(crate) fn step_in_space<S: System>(
+        &mut self,
+        system: &S,
+        (t, h): (f64, f64),
+        u: &S::Input,
+        memory: &mut S::Memory,
+        x: &mut [f64],
+    ) -> Result<(), S::Error> {
+        if system.space().is_flat() {
+            return self.step(t, h, x, |t, x, dx| system.rate(t, x, u, memory, dx));
+        }
+        let mut chart = std::mem::take(&mut self.chart);
+        let done = chart.step(system, u, memory, x, |xi, f| self.step(t, h, xi, f));
+        self.chart = chart;
+        done
+    }
+}
+
 impl<S: System> Method<S> for Rk4<f64> {
     fn step(
         &mut self,
@@ -127,14 +147,7 @@ impl<S: System> Method<S> for Rk4<f64> {
         memory: &mut S::Memory,
         x: &mut [f64],
     ) -> Result<(), StepError<S::Error>> {
-        let done = if system.space().is_flat() {
-            Rk4::step(self, t, h, x, |t, x, dx| system.rate(t, x, u, memory, dx))
-        } else {
-            let mut chart = std::mem::take(&mut self.chart);
-            let done = chart.step(system, u, memory, x, |xi, f| Rk4::step(self, t, h, xi, f));
-            self.chart = chart;
-            done
-        };
-        done.map_err(StepError::RightHandSide)
+        self.step_in_space(system, (t, h), u, memory, x)
+            .map_err(StepError::RightHandSide)
     }
 }

@@ -12,8 +12,9 @@
 //! | [`HeavyTop`] | mechanical, on quaternions, with weight | at one time, to 16 digits |
 //! | [`Robertson`] | stiff | at several times, to 11 digits or more |
 //! | [`VanDerPol`] | stiff | at one time for ε = 10⁻⁶, to 15 digits |
+//! | [`StickSlip`] | dry friction, for [`event`](crate::event) | arcs of circles and straight lines |
 //!
-//! All have their derivatives ([`Differentiable`]); those that are [`Mechanical`] also have an energy to be
+//! All but the last have their derivatives ([`Differentiable`]); those that are [`Mechanical`] also have an energy to be
 //! kept ([`Conservative`]).
 
 mod double_pendulum;
@@ -27,6 +28,7 @@ mod linear_decay;
 mod pendulum;
 mod rigid_body;
 mod robertson;
+mod stick_slip;
 mod van_der_pol;
 
 use std::convert::Infallible;
@@ -40,6 +42,7 @@ pub use linear_decay::LinearDecay;
 pub use pendulum::Pendulum;
 pub use rigid_body::RigidBody;
 pub use robertson::Robertson;
+pub use stick_slip::StickSlip;
 pub use van_der_pol::VanDerPol;
 
 use crate::{Differentiable, Mechanical, System};

@@ -37,6 +37,30 @@ pub trait Space: Send + Sync {
     fn cobracket_into(&self, a: &[f64], m: &[f64], out: &mut [f64]);
 }
 
+impl<S: Space> Space for &S {
+    fn dim(&self) -> usize {
+        (**self).dim()
+    }
+    fn tangent_dim(&self) -> usize {
+        (**self).tangent_dim()
+    }
+    fn is_flat(&self) -> bool {
+        (**self).is_flat()
+    }
+    fn move_into(&self, point: &[f64], motion: &[f64], out: &mut [f64]) {
+        (**self).move_into(point, motion, out);
+    }
+    fn difference_into(&self, from: &[f64], to: &[f64], out: &mut [f64]) {
+        (**self).difference_into(from, to, out);
+    }
+    fn bracket_into(&self, a: &[f64], b: &[f64], out: &mut [f64]) {
+        (**self).bracket_into(a, b, out);
+    }
+    fn cobracket_into(&self, a: &[f64], m: &[f64], out: &mut [f64]) {
+        (**self).cobracket_into(a, m, out);
+    }
+}
+
 /// The vector space ℝⁿ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Flat {

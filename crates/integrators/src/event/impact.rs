@@ -1,0 +1,165 @@
+//! Impacts: velocities that jump.
+//!
+//! Forces that stay finite do nothing in an instant; friction does not know of the blow of a stop here, so v jumps by the impulses
+//! Λ ≥ 0 of the closed stops alone: M (v⁺ − v⁻) = Wᵀ Λ. Each obeys Newton's law where it acts, w·v⁺ ≥ −e min(w·v⁻, 0) and Λ ≥ 0,
+//! one of the two with equality: a complementarity problem with A = W M⁻¹ Wᵀ and b = W v⁻ + e min(W v⁻, 0). Energy does not rise if
+//! all stops that are struck at once have one e.
+
+use super::complementarity::Complementarity;
+use super::law::Kind;
+use super::motion::{Motion, Work, dot};
+use super::{ContactError, ContactSystem, Event, EventKind, Law};
+use crate::Space;
+
+/// Memory of the impacts.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Impact {
+    closed: Vec<usize>,
+    before: Vec<f64>,
+    /// −w·v⁺ of Newton's law where it acts.
+    wanted: Vec<f64>,
+    /// What of w·v⁻ is rounding, for each law.
+    rounding: Vec<f64>,
+}
+
+impl Impact {
+    /// Resolves what approaches at closed stops, `restitution(law, e, speed of approach)`. Of the laws that are `still`, those that
+    /// move now are none any more; stops without rebound are.
+    pub fn resolve<S: ContactSystem>(
+        &mut self,
+        motion: &Motion<'_, S>,
+        (time, x, u): (f64, &mut [f64], &S::Input),
+        restitution: impl Fn(usize, f64, f64) -> f64,
+        (problem, work): (&mut Complementarity, &mut Work<S::Memory>),
+        still: &mut [bool],
+        events: &mut Vec<Event>,
+    ) -> Result<(), ContactError<S::Error>> {
+        let laws = motion.laws;
+        if !self.collect(motion, x, restitution) {
+            return Ok(());
+        }
+        // No law slides in an instant.
+        let at_impact = Motion {
+            contacts: &[],
+            at_rest: &[],
+            space: motion.space,
+            ..*motion
+        };
+        at_impact.free(time, x, u, work)?;
+        work.find_levers(self.closed.iter().map(|&k| &laws[k]));
+        let (n, nv) = (self.closed.len(), work.acceleration.len());
+        problem.resize(n);
+        for (row, &k) in self.closed.iter().enumerate() {
+            let w = &laws[k].direction;
+            for (entry, lever) in problem.a[row * n..(row + 1) * n]
+                .iter_mut()
+                .zip(work.lever.chunks_exact(nv))
+            {
+                *entry = dot(w, lever);
+            }
+            problem.b[row] = self.before[row] - self.wanted[row];
+            problem.upper[row] = f64::INFINITY;
+        }
+        problem.solve().map_err(|_| ContactError::Complementarity {
+            what: "impulses",
+            time,
+        })?;
+        let (q, v) = x.split_at_mut(motion.space.positions.dim());
+        self.rounding.clear();
+        self.rounding.extend(laws.iter().map(|law| law.slip(v).1));
+        for (lever, impulse) in work.lever.chunks_exact(nv).zip(&problem.x) {
+            for (v, lever) in v.iter_mut().zip(lever) {
+                *v += lever * impulse;
+            }
+        }
+        for &k in &self.closed {
+            laws[k].close(q);
+        }
+        let struck = || {
+            let acts = problem.x.iter().map(|impulse| *impulse > 0.0);
+            self.closed
+                .iter()
+                .zip(acts)
+                .enumerate()
+                .filter_map(|(row, (&k, acts))| acts.then_some((row, k)))
+        };
+        for ((still, law), before) in still.iter_mut().zip(laws).zip(&self.rounding) {
+            let (slip, rounding) = law.slip(v);
+            *still &= slip.abs() <= rounding + before;
+        }
+        // What does not rebound is at rest exactly.
+        let stays = || {
+            struck()
+                .filter(|&(row, _)| self.wanted[row] == 0.0)
+                .map(|(_, k)| k)
+        };
+        stays().for_each(|k| still[k] = true);
+        rest(laws, stays(), q, v);
+        for (row, law) in struck() {
+            events.push(Event {
+                time,
+                law,
+                kind: EventKind::Impact {
+                    before: self.before[row],
+                    after: laws[law].slip(v).0,
+                },
+            });
+        }
+        Ok(())
+    }
+
+    /// The closed stops; whether anything approaches one of them.
+    fn collect<S: ContactSystem>(
+        &mut self,
+        motion: &Motion<'_, S>,
+        x: &[f64],
+        restitution: impl Fn(usize, f64, f64) -> f64,
+    ) -> bool {
+        let (q, v) = motion.split(x);
+        self.closed.clear();
+        self.before.clear();
+        self.wanted.clear();
+        let mut approaches = false;
+        for (k, law) in motion.laws.iter().enumerate() {
+            let Kind::Stop { restitution: e, .. } = law.kind else {
+                continue;
+            };
+            let (gap, rounding) = law.gap(q);
+            if gap > rounding {
+                continue;
+            }
+            let (slip, rounding) = law.slip(v);
+            let approach = if slip < -rounding { -slip } else { 0.0 };
+            approaches |= approach > 0.0;
+            self.closed.push(k);
+            self.before.push(slip);
+            self.wanted.push(restitution(k, e, approach) * approach);
+        }
+        approaches
+    }
+}
+
+/// Takes what is rounding out of the velocities, and of the gaps, of laws at rest.
+pub(super) fn rest(
+    laws: &[Law],
+    at_rest: impl Iterator<Item = usize> + Clone,
+    q: &mut [f64],
+    v: &mut [f64],
+) {
+    let coordinate = |k: usize| laws[k].coordinate();
+    for k in at_rest.clone() {
+        laws[k].close(q);
+        if coordinate(k).is_some() {
+            laws[k].stop_slip(v, |_| false);
+        }
+    }
+    // What one coordinate rests on stays exactly as it is.
+    let pinned = |i: usize| {
+        at_rest
+            .clone()
+            .any(|k| coordinate(k).is_some_and(|(j, _)| i == j))
+    };
+    for k in at_rest.clone().filter(|&k| coordinate(k).is_none()) {
+        laws[k].stop_slip(v, pinned);
+    }
+}
