@@ -12,7 +12,6 @@ mod variational;
 pub use heun::Heun;
 pub use method::{Method, StepError};
 pub use rk4::Rk4;
-pub(crate) use roll_out::check_arguments;
 pub use roll_out::{RollOutError, roll_out};
 pub(crate) use roll_out::{check_arguments, check_finite};
 pub use separable::{NotSeparable, StormerVerlet, SymplecticEuler};
