@@ -249,12 +249,14 @@ where
         schedule: Schedule<'_, S::Input>,
         steps: std::ops::Range<usize>,
     ) -> Result<(), RollOutError<S::Error>> {
-        for step in steps.map(|step| schedule.step(step)) {
-            let (time, x) = (step.t, &mut self.x);
-            self.method
-                .step(system, time, step.h, step.u, &mut self.tape.memory, x)
-                .map_err(|source| RollOutError::Step { time, source })?;
-            check_finite(time + step.h, x)?;
+        for held in schedule.held(steps) {
+            for step in held.steps.clone().map(|i| held.step(i)) {
+                let (time, x) = (step.t, &mut self.x);
+                self.method
+                    .step(system, time, step.h, step.u, &mut self.tape.memory, x)
+                    .map_err(|source| RollOutError::Step { time, source })?;
+                check_finite(time + step.h, x)?;
+            }
         }
         Ok(())
     }
@@ -268,15 +270,18 @@ where
     ) -> Result<(), RollOutError<S::Error>> {
         self.tape.at = 0;
         let recorded = Recorded(system);
-        for step in steps.map(|step| schedule.step(step)) {
-            let (time, x) = (step.t, &mut self.x);
-            if !system.space().is_flat() {
-                self.tape.push(x);
+        let flat = system.space().is_flat();
+        for held in schedule.held(steps) {
+            for step in held.steps.clone().map(|i| held.step(i)) {
+                let (time, x) = (step.t, &mut self.x);
+                if !flat {
+                    self.tape.push(x);
+                }
+                self.method
+                    .step(&recorded, time, step.h, step.u, &mut self.tape, x)
+                    .map_err(|source| RollOutError::Step { time, source })?;
+                check_finite(time + step.h, x)?;
             }
-            self.method
-                .step(&recorded, time, step.h, step.u, &mut self.tape, x)
-                .map_err(|source| RollOutError::Step { time, source })?;
-            check_finite(time + step.h, x)?;
         }
         Ok(())
     }
@@ -292,24 +297,25 @@ where
     ) -> Result<(), RollOutError<S::Error>> {
         let dim = system.space().dim();
         let per_step = numbers_per_step(system.space(), M::LINKS.len());
-        let first = steps.start;
         let record = std::mem::take(&mut self.tape.record);
-        for number in steps.rev() {
-            let step = schedule.step(number);
-            let record = &record[(number - first) * per_step..][..per_step];
-            self.reverse
-                .step::<S, M>(system, &step, record, &mut self.tape.memory)
-                .map_err(|source| RollOutError::Step {
-                    time: step.t,
-                    source: StepError::RightHandSide(source),
-                })?;
-            if number.is_multiple_of(schedule.substeps) {
-                let by_input = &mut self.reverse.by.input;
-                by_inputs
-                    .column_mut(step.interval)
-                    .copy_from_slice(by_input);
-                by_input.fill(0.0);
-                self.at_sample(step.interval, &record[..dim], loss, value);
+        let mut records = record[..steps.len() * per_step].rchunks_exact(per_step.max(1));
+        for held in schedule.held(steps).rev() {
+            for i in held.steps.clone().rev() {
+                let (step, record) = (held.step(i), records.next().unwrap_or_default());
+                self.reverse
+                    .step::<S, M>(system, &step, record, &mut self.tape.memory)
+                    .map_err(|source| RollOutError::Step {
+                        time: step.t,
+                        source: StepError::RightHandSide(source),
+                    })?;
+                if i == 0 {
+                    let by_input = &mut self.reverse.by.input;
+                    by_inputs
+                        .column_mut(held.interval)
+                        .copy_from_slice(by_input);
+                    by_input.fill(0.0);
+                    self.at_sample(held.interval, &record[..dim], loss, value);
+                }
             }
         }
         self.tape.record = record;

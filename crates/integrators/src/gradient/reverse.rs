@@ -3,9 +3,7 @@
 use super::Explicit;
 use super::record::{before_calls, numbers_per_call};
 use super::schedule::Step;
-use crate::space::series::{
-    Work, chart_rate, chart_rate_back, chart_rate_change_back, displaced_back,
-};
+use crate::space::series::{Work, chart_rate, chart_rate_back, displaced_back};
 use crate::{Differentiable, Gradient, Space};
 
 /// λ and what it takes to carry it over one step.
@@ -23,6 +21,7 @@ pub(crate) struct Reverse {
     slope: Vec<f64>,
     of_end: Vec<f64>,
     of_chart: Vec<f64>,
+    of_series: Vec<f64>,
     kappa: Vec<f64>,
     part: Vec<f64>,
     work: Work,
@@ -42,6 +41,7 @@ impl Reverse {
             slope: vec![0.0; curved],
             of_end: vec![0.0; curved],
             of_chart: vec![0.0; curved],
+            of_series: vec![0.0; curved],
             kappa: vec![0.0; curved],
             part: vec![0.0; curved],
             work: Work::new(curved),
@@ -173,15 +173,14 @@ impl Reverse {
             chart_rate_back(
                 space,
                 &self.charts[at.clone()],
-                &self.kappa,
+                (&self.kappa, &call(i).1[..nt]),
                 &mut self.work,
-                &mut self.weight,
+                (&mut self.weight, &mut self.of_series),
             );
             self.pull_back(system, step, M::LINKS[i], point, memory)?;
-            let xi = &self.charts[at];
             displaced_back(
                 space,
-                xi,
+                &self.charts[at],
                 &self.by.state,
                 &mut self.work,
                 (&mut self.part, &mut self.of_chart),
@@ -189,14 +188,9 @@ impl Reverse {
             for (sum, part) in self.sum.iter_mut().zip(&self.part) {
                 *sum += part;
             }
-            let rate = &call(i).1[..nt];
-            chart_rate_change_back(
-                space,
-                xi,
-                (&self.kappa, rate),
-                &mut self.work,
-                &mut self.of_chart,
-            );
+            for (of_chart, of_series) in self.of_chart.iter_mut().zip(&self.of_series) {
+                *of_chart += of_series;
+            }
         }
         std::mem::swap(&mut self.lambda, &mut self.sum);
         Ok(())
@@ -217,7 +211,11 @@ pub(crate) fn charts<'a, P: Space, M: Explicit>(
     charts.fill(0.0);
     let (charts, end) = charts.split_at_mut(stages * nt);
     for i in 0..stages {
-        chart_rate(space, &charts[i * nt..][..nt], rate(i), work, slope);
+        if i == 0 {
+            slope.copy_from_slice(rate(i));
+        } else {
+            chart_rate(space, &charts[i * nt..][..nt], rate(i), work, slope);
+        }
         for (end, k) in end.iter_mut().zip(slope.iter()) {
             *end += h * M::WEIGHTS[i] * k;
         }

@@ -43,16 +43,49 @@ impl<'a, U> Schedule<'a, U> {
         self.intervals() * self.substeps
     }
 
-    /// Step number `step` of the whole roll-out, with the numbers that [`roll_out`](crate::roll_out) has for it.
-    pub(crate) fn step(&self, step: usize) -> Step<'a, U> {
-        let interval = step / self.substeps;
-        let (from, to) = (self.times[interval], self.times[interval + 1]);
-        let h = (to - from) / self.substeps as f64;
+    /// Some steps of the whole roll-out, by their numbers, interval after interval, with the numbers that
+    /// [`roll_out`](crate::roll_out) has for them.
+    pub(crate) fn held(
+        self,
+        steps: std::ops::Range<usize>,
+    ) -> impl DoubleEndedIterator<Item = Held<'a, U>> {
+        let intervals = if steps.is_empty() {
+            0..0
+        } else {
+            steps.start / self.substeps..(steps.end - 1) / self.substeps + 1
+        };
+        intervals.map(move |interval| {
+            let (from, to) = (self.times[interval], self.times[interval + 1]);
+            let first = interval * self.substeps;
+            Held {
+                interval,
+                from,
+                h: (to - from) / self.substeps as f64,
+                u: &self.inputs[interval],
+                steps: steps.start.max(first) - first..steps.end.min(first + self.substeps) - first,
+            }
+        })
+    }
+}
+
+/// Steps over which one input is held.
+pub(crate) struct Held<'a, U> {
+    pub interval: usize,
+    from: f64,
+    h: f64,
+    u: &'a U,
+    /// Their numbers in the interval.
+    pub steps: std::ops::Range<usize>,
+}
+
+impl<'a, U> Held<'a, U> {
+    /// Step number i of the interval.
+    pub fn step(&self, i: usize) -> Step<'a, U> {
         Step {
-            interval,
-            t: from + (step % self.substeps) as f64 * h,
-            h,
-            u: &self.inputs[interval],
+            interval: self.interval,
+            t: self.from + i as f64 * self.h,
+            h: self.h,
+            u: self.u,
         }
     }
 }

@@ -138,19 +138,18 @@ where
         }
         at_sample(0, &self.x, &self.by);
         let linearized = Linearized(system);
-        for number in 0..schedule.steps() {
-            let step = schedule.step(number);
-            let (time, x) = (step.t, &mut self.x);
-            self.stages.at = 0;
-            self.method
-                .step(&linearized, time, step.h, step.u, &mut self.stages, x)
-                .map_err(|source| RollOutError::Step { time, source })?;
-            check_finite(time + step.h, x)?;
-            self.carry(system.space(), &step, columns);
-            if (number + 1).is_multiple_of(schedule.substeps) {
-                check_derivatives(&self.by)?;
-                at_sample(step.interval + 1, &self.x, &self.by);
+        for held in schedule.held(0..schedule.steps()) {
+            for step in held.steps.clone().map(|i| held.step(i)) {
+                let (time, x) = (step.t, &mut self.x);
+                self.stages.at = 0;
+                self.method
+                    .step(&linearized, time, step.h, step.u, &mut self.stages, x)
+                    .map_err(|source| RollOutError::Step { time, source })?;
+                check_finite(time + step.h, x)?;
+                self.carry(system.space(), &step, columns);
             }
+            check_derivatives(&self.by)?;
+            at_sample(held.interval + 1, &self.x, &self.by);
         }
         Ok(())
     }

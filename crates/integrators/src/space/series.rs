@@ -73,17 +73,6 @@ pub fn displaced_back<S: Space>(
     }
 }
 
-/// The transpose of [`chart_rate`] in the rate: its covector for a covector m of ξ̇.
-pub fn chart_rate_back<S: Space>(
-    space: &S,
-    xi: &[f64],
-    m: &[f64],
-    work: &mut Work,
-    out: &mut [f64],
-) {
-    sum(&RATE, m, work, out, |x, y| space.cobracket_into(xi, x, y));
-}
-
 /// Adds to `out` how ξ̇ = Σ rₙ ad_ξⁿ v changes with ξ for fixed v = `rate`, the derivative of the polynomial that [`chart_rate`] is:
 /// Σ rₙ Σ ad_ξᵐ [δξ, ad_ξʲ v] over n ≥ 1 and m + j = n − 1.
 pub fn chart_rate_change<S: Space>(
@@ -117,33 +106,46 @@ pub fn chart_rate_change<S: Space>(
     }
 }
 
-/// The transpose of [`chart_rate_change`] in δξ: adds to `out` the covector of ξ for a covector m of ξ̇. As m · ad_ξᵏ [δξ, y] =
-/// −(ad_yᵀ (ad_ξᵀ)ᵏ m) · δξ, it is −Σ_j ad_{yʲ}ᵀ Σ_k r_{k+j+1} (ad_ξᵀ)ᵏ m with yʲ = ad_ξʲ v.
-pub fn chart_rate_change_back<S: Space>(
+/// The transposes of [`chart_rate`] in the rate v, Σ rₙ (ad_ξᵀ)ⁿ m for a covector m of ξ̇, and of [`chart_rate_change`] in δξ. As
+/// m · ad_ξᵏ [δξ, y] = −(ad_yᵀ (ad_ξᵀ)ᵏ m) · δξ, this one is −Σ_j ad_{yʲ}ᵀ Σ_k r_{k+j+1} (ad_ξᵀ)ᵏ m with yʲ = ad_ξʲ v.
+pub fn chart_rate_back<S: Space>(
     space: &S,
     xi: &[f64],
     (m, rate): (&[f64], &[f64]),
     work: &mut Work,
-    out: &mut [f64],
+    (of_rate, of_xi): (&mut [f64], &mut [f64]),
 ) {
     let nt = rate.len();
     work.powers(nt, m, |x, y| space.cobracket_into(xi, x, y));
-    work.rest.clear();
-    work.rest.extend_from_slice(rate);
+    space.cobracket_into(xi, &work.powers[(ORDER - 1) * nt..], &mut work.next);
+    for (of_rate, last) in of_rate.iter_mut().zip(&work.next) {
+        *of_rate = RATE[ORDER] * last;
+    }
+    add_powers(&RATE, &work.powers, of_rate);
+    work.rest.copy_from_slice(rate);
+    of_xi.fill(0.0);
     for j in 0..ORDER {
         work.term.fill(0.0);
-        for k in 0..ORDER - j {
-            let power = &work.powers[k * nt..(k + 1) * nt];
-            for (term, power) in work.term.iter_mut().zip(power) {
-                *term += RATE[k + j + 1] * power;
+        add_powers(&RATE[j + 1..], &work.powers, &mut work.term);
+        space.cobracket_into(&work.rest, &work.term, &mut work.next);
+        for (of_xi, next) in of_xi.iter_mut().zip(&work.next) {
+            *of_xi -= next;
+        }
+        if j + 1 < ORDER {
+            space.bracket_into(xi, &work.rest, &mut work.next);
+            std::mem::swap(&mut work.rest, &mut work.next);
+        }
+    }
+}
+
+/// Adds the powers, which stand one after the other, by their coefficients; what there is no coefficient or no power for is left out.
+fn add_powers(series: &Series, powers: &[f64], out: &mut [f64]) {
+    for (&coefficient, power) in series.iter().zip(powers.chunks_exact(out.len().max(1))) {
+        if coefficient != 0.0 {
+            for (out, power) in out.iter_mut().zip(power) {
+                *out += coefficient * power;
             }
         }
-        space.cobracket_into(&work.rest, &work.term, &mut work.next);
-        for (out, next) in out.iter_mut().zip(&work.next) {
-            *out -= next;
-        }
-        space.bracket_into(xi, &work.rest, &mut work.next);
-        std::mem::swap(&mut work.rest, &mut work.next);
     }
 }
 
