@@ -67,7 +67,7 @@ fn of<S: Differentiable>(
         0.5 * x[0] * x[0]
     };
     let mut out = RollOutGradient::default();
-    let budgets = [("adjoint", 1 << 22), ("adjoint, 64 kB", 1 << 16)];
+    let budgets = [("adjoint", 1 << 24), ("adjoint, 64 kB", 1 << 16)];
     for (call, budget) in budgets {
         let mut adjoint = Adjoint::new(system, Rk4::default()).with_budget(budget);
         group.bench_function(call, |bencher| {

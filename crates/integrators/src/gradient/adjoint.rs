@@ -107,8 +107,8 @@ where
     S::Input: Sized,
     M: Explicit,
 {
-    /// Bytes for states, unless it is said otherwise.
-    pub const BUDGET: usize = 1 << 22;
+    /// Bytes for states, unless it is said otherwise: 16 MiB, of which no more is taken than a roll-out needs.
+    pub const BUDGET: usize = 1 << 24;
 
     /// With memory for a system.
     pub fn new(system: &S, method: M) -> Self {

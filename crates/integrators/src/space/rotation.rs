@@ -14,6 +14,7 @@ use super::Space;
 pub struct Rotation;
 
 /// a × b.
+#[inline]
 fn cross(a: &[f64], b: &[f64], out: &mut [f64]) {
     out[0] = a[1] * b[2] - a[2] * b[1];
     out[1] = a[2] * b[0] - a[0] * b[2];
@@ -40,12 +41,15 @@ fn length(x: &[f64]) -> f64 {
 }
 
 impl Space for Rotation {
+    #[inline]
     fn dim(&self) -> usize {
         4
     }
+    #[inline]
     fn tangent_dim(&self) -> usize {
         3
     }
+    #[inline]
     fn is_flat(&self) -> bool {
         false
     }
@@ -88,9 +92,11 @@ impl Space for Rotation {
             *out = part * x;
         }
     }
+    #[inline]
     fn bracket_into(&self, a: &[f64], b: &[f64], out: &mut [f64]) {
         cross(a, b, out);
     }
+    #[inline]
     fn cobracket_into(&self, a: &[f64], m: &[f64], out: &mut [f64]) {
         // m · (a × b) = (m × a) · b
         cross(m, a, out);
