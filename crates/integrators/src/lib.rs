@@ -14,6 +14,8 @@
 //!
 //! [`event`] steps mechanisms under dry friction that sticks, stops, backlash and impacts, from one located event to the next.
 //!
+//! With the feature `adaptive`, the module of that name rolls out by steps that adapt, also where motions are stiff.
+//!
 //! [`problems`] holds test problems with known solutions.
 //!
 #![doc = include_str!("../docs/fixed.md")]
@@ -26,6 +28,8 @@
 //!
 #![doc = include_str!("../docs/work_precision_fixed.svg")]
 
+#[cfg(feature = "adaptive")]
+pub mod adaptive;
 mod differentiable;
 pub mod ensemble;
 pub mod event;

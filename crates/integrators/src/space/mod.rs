@@ -35,6 +35,15 @@ pub trait Space: Send + Sync {
 
     /// ad_aᵀ m for a covector m: m · [a, b] = (ad_aᵀ m) · b for every b.
     fn cobracket_into(&self, a: &[f64], m: &[f64], out: &mut [f64]);
+
+    /// What a relative tolerance for each direction of motion is relative to: the number itself where states add, 1 for a turn.
+    fn scale_into(&self, point: &[f64], out: &mut [f64]) {
+        if self.is_flat() {
+            out.copy_from_slice(point);
+        } else {
+            out.fill(1.0);
+        }
+    }
 }
 
 impl<S: Space> Space for &S {
