@@ -4,9 +4,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use integrators::ensemble::{LaneMember, roll_outs_in_lanes};
+use integrators::gradient::{Adjoint, Column, RollOutGradient, Schedule, Sensitivity};
 use integrators::{
     Differentiable, Gradient, Heun, Jacobian, Mechanical, Method, Order, Rk4, Space, StormerVerlet,
-    System, Variational,
+    System, Variational, roll_out,
 };
 use lagrange::{Dynamics, Mechanics, state, urdf};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
@@ -232,13 +234,7 @@ fn a_row_pulled_back_is_its_product_with_the_linear_system() {
 fn a_force_of_the_wrong_length_is_a_typed_error() {
     let motion = motion("arm7/arm7.toml");
     let x = start(&motion, 0.0, 1.0);
-    let refused = motion.rate(
-        0.0,
-        &x,
-        &vec![0.0; 6],
-        &mut motion.memory(),
-        &mut [0.0; 14],
-    );
+    let refused = motion.rate(0.0, &x, &vec![0.0; 6], &mut motion.memory(), &mut [0.0; 14]);
     assert_eq!(
         refused.unwrap_err().to_string(),
         "the generalized force Q has 6 entries, this mechanism takes 7"
@@ -556,4 +552,152 @@ fn a_quadruped_in_free_space_keeps_its_momenta_to_rounding_and_its_energy_withou
     motion.space().difference_into(&x, &end, &mut moved);
     assert!(largest(&moved[..18]) > 1.0);
     assert!(state::check_unit(motion.motion().mechanics().coordinates(), &end[..19]).is_ok());
+}
+
+/// A loss of all samples, and its derivative along the directions of motion: c_k · x_k with other c in every sample.
+fn loss(motion: &Any, k: usize, x: &[f64], by: &mut [f64]) -> f64 {
+    let c = generic(0.5 + k as f64, x.len(), 1.0);
+    let (nq, nv) = (motion.mechanics().nq(), motion.mechanics().nv());
+    for j in 0..nv {
+        let mut unit = vec![0.0; nv];
+        unit[j] = 1.0;
+        // ∂q/∂ξ_j is the rate of q at the velocity 1 along j.
+        let rate = state::position_rate(motion.mechanics().coordinates(), &x[..nq], &unit);
+        by[j] = dot(&c, &rate.unwrap());
+        by[nv + j] = c[nq + j];
+    }
+    dot(&c, x)
+}
+
+/// Gradients of roll-outs in everything: the adjoint against forward sensitivities and against differences.
+#[test]
+fn gradients_of_roll_outs_are_those_of_differences() {
+    for (path, parameters) in [
+        ("cartpole/cartpole.toml", 2),
+        ("arm7/arm7.toml", 3),
+        ("four_bar/four_bar.toml", 2),
+        ("four_bar/four_bar_text.toml", 4),
+        ("quadruped/quadruped.toml", 2),
+    ] {
+        let motion = motion(path);
+        let count = motion.constants().len();
+        let some = (0..count).step_by((count / parameters).max(1)).collect();
+        let motion = motion.with_parameters(some).unwrap();
+        let x = start(&motion, 0.4, 1.0);
+        let (nv, nt) = (motion.mechanics().nv(), motion.space().tangent_dim());
+        let times = [0.0, 0.02, 0.05, 0.08];
+        let inputs: Vec<Vec<f64>> = (0..3).map(|k| generic(f64::from(k), nv, 2.0)).collect();
+        let schedule = Schedule {
+            times: &times,
+            inputs: &inputs,
+            substeps: 5,
+        };
+        let mut by = RollOutGradient {
+            inputs: nalgebra::DMatrix::zeros(nv, 3),
+            ..RollOutGradient::default()
+        };
+        Adjoint::new(&motion, Rk4::default())
+            .gradient(
+                &motion,
+                schedule,
+                &x,
+                |k, x, by| loss(&motion, k, x, by),
+                &mut by,
+            )
+            .unwrap();
+
+        // Forwards, in everything.
+        let mut columns = Column::initial_and_parameters(&motion);
+        columns.extend(Column::inputs(&motion, 0..3));
+        let mut forwards = vec![0.0; columns.len()];
+        Sensitivity::new(&motion, Rk4::default())
+            .roll_out(&motion, schedule, &x, &columns, |k, x, columns| {
+                let mut by = vec![0.0; nt];
+                loss(&motion, k, x, &mut by);
+                for (sum, column) in forwards.iter_mut().zip(columns.column_iter()) {
+                    *sum += dot(&by, column.as_slice());
+                }
+            })
+            .unwrap();
+        let backwards = [by.initial.as_slice(), &by.parameters, by.inputs.as_slice()].concat();
+        let size = largest(&backwards);
+        for (i, (a, b)) in backwards.iter().zip(&forwards).enumerate() {
+            assert!(
+                (a - b).abs() < 1e-11 * size,
+                "{path}: {i}: {a} back, {b} forth"
+            );
+        }
+
+        let value = |motion: &Any, x: &[f64], inputs: &[Vec<f64>]| -> f64 {
+            let rolled = roll_out(motion, Rk4::default(), &times, inputs, 5, x).unwrap();
+            let mut unused = vec![0.0; nt];
+            let each = rolled.iter().enumerate();
+            each.map(|(k, x)| loss(motion, k, x, &mut unused)).sum()
+        };
+        // Of each kind of variable beside the largest derivative of its kind.
+        let close = |what: &str, exact: &[f64], h: f64, value: &dyn Fn(usize, f64) -> f64| {
+            for (j, exact_j) in exact.iter().enumerate() {
+                let found = (value(j, h) - value(j, -h)) / (2.0 * h);
+                assert!(
+                    (found - exact_j).abs() < 1e-6 * largest(exact),
+                    "{path}: {what}[{j}]: {exact_j}, {found} by differences"
+                );
+            }
+        };
+        close("x", &by.initial, 1e-5, &|j, h| {
+            let mut xi = vec![0.0; nt];
+            xi[j] = h;
+            let mut moved = vec![0.0; x.len()];
+            motion.space().move_into(&x, &xi, &mut moved);
+            value(&motion, &moved, &inputs)
+        });
+        close("u", by.inputs.as_slice(), 1e-4, &|j, h| {
+            let mut inputs = inputs.clone();
+            inputs[j / nv][j % nv] += h;
+            value(&motion, &x, &inputs)
+        });
+        // In relative changes of the constants.
+        let size = |k: usize| motion.constants()[motion.parameters()[k]].abs();
+        let relative: Vec<f64> = (by.parameters.iter().enumerate())
+            .map(|(k, d)| d * size(k))
+            .collect();
+        close("p", &relative, 1e-5, &|j, h| {
+            let mut constants = motion.constants().to_vec();
+            constants[motion.parameters()[j]] *= 1.0 + h;
+            let other = motion.clone().with_constants(constants).unwrap();
+            value(&other, &x, &inputs)
+        });
+    }
+}
+
+#[test]
+fn roll_outs_in_lanes_are_those_of_one_state_at_a_time() {
+    for path in [
+        "cartpole/cartpole.toml",
+        "arm7/arm7.toml",
+        "quadruped/quadruped.toml",
+    ] {
+        let motion = motion(path);
+        let nv = motion.mechanics().nv();
+        let times = [0.0, 0.05, 0.1];
+        let starts: Vec<Vec<f64>> = (0..11)
+            .map(|k| start(&motion, 0.3 * f64::from(k), 1.0))
+            .collect();
+        let inputs: Vec<Vec<Vec<f64>>> = (0..11)
+            .map(|k| vec![generic(f64::from(k), nv, 1.0), vec![0.0; nv]])
+            .collect();
+        let members: Vec<LaneMember<'_, Vec<f64>>> = starts
+            .iter()
+            .zip(&inputs)
+            .map(|(initial, inputs)| LaneMember { inputs, initial })
+            .collect();
+        let rolled = roll_outs_in_lanes(&motion, &Rk4::default(), &times, 20, &members);
+        for ((lane, initial), inputs) in rolled.into_iter().zip(&starts).zip(&inputs) {
+            let alone = roll_out(&motion, Rk4::default(), &times, inputs, 20, initial).unwrap();
+            let lane = lane.unwrap();
+            for (a, b) in lane.iter().flatten().zip(alone.iter().flatten()) {
+                assert!((a - b).abs() < 1e-11 * b.abs().max(1.0), "{path}: {a} {b}");
+            }
+        }
+    }
 }

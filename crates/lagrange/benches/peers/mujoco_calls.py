@@ -51,13 +51,18 @@ def ns_per_call(call):
     return float(numpy.median([batch(count) / count for _ in range(REPEATS)]))
 
 
-def main():
-    path, base = sys.argv[1:]
-    model = mujoco.MjModel.from_xml_string(mechanics_only(path, base == "floating"))
+def free_of_constraints(model):
+    """No contacts, limits, friction and damping."""
     model.dof_damping[:] = 0
     model.dof_frictionloss[:] = 0
     for flag in (mujoco.mjtDisableBit.mjDSBL_CONTACT, mujoco.mjtDisableBit.mjDSBL_CONSTRAINT):
         model.opt.disableflags |= int(flag)
+
+
+def main():
+    path, base = sys.argv[1:]
+    model = mujoco.MjModel.from_xml_string(mechanics_only(path, base == "floating"))
+    free_of_constraints(model)
     model.opt.timestep = 1e-6  # the state stays what it is
 
     data = mujoco.MjData(model)
@@ -103,4 +108,5 @@ def main():
     print(json.dumps(line))
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -1,7 +1,9 @@
 //! Mechanisms as systems that `integrators` rolls out.
 //!
 //! A state is x = (q, v), its rate ẋ = (v, v̇) with v̇ from M v̇ + C v + G = Q; the directions of motion are (δq, δv), 2 nv of them.
-//! Poses of floating bodies turn in their own space ([`Positions`]): no method leaves the unit quaternions.
+//! Poses of floating bodies turn in their own space ([`Positions`]): no method leaves the unit quaternions. Both systems below have
+//! exact derivatives, so that [`integrators::gradient`] derives their roll-outs, and rates of eight states at once for
+//! [`integrators::ensemble`].
 //!
 //! | system | input | what for |
 //! |---|---|---|
@@ -33,6 +35,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 mod free;
+mod lanes;
 mod momenta;
 mod positions;
 
