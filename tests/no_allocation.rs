@@ -34,11 +34,16 @@ struct Results {
     inverse_gradient: InverseDynamicsGradient,
     forward_gradient: ForwardDynamicsGradient,
     linear: Linear,
+    matrix_lanes: Vec<[f64; LANES]>,
+    inverse_lanes: InverseDynamicsDerivatives<[f64; LANES]>,
+    forward_lanes: ForwardDynamicsDerivatives<[f64; LANES]>,
+    inverse_gradient_lanes: InverseDynamicsGradient<[f64; LANES]>,
+    forward_gradient_lanes: ForwardDynamicsGradient<[f64; LANES]>,
 }
 
 impl Results {
     fn of(mechanics: &dyn Mechanics, q: &[f64], v: &[f64], constants: usize) -> Self {
-        let n = mechanics.nv();
+        let (n, np) = (mechanics.nv(), mechanics.parameters().len());
         let lanes = |x: &[f64]| x.iter().map(|&x| [x; LANES]).collect();
         Results {
             work: mechanics.workspace(),
@@ -52,9 +57,14 @@ impl Results {
             acceleration: DVector::zeros(n),
             inverse: InverseDynamicsDerivatives::zeros(n, constants),
             forward: ForwardDynamicsDerivatives::zeros(n, constants),
-            inverse_gradient: InverseDynamicsGradient::zeros(n, mechanics.parameters().len()),
-            forward_gradient: ForwardDynamicsGradient::zeros(n, mechanics.parameters().len()),
+            inverse_gradient: InverseDynamicsGradient::zeros(n, np),
+            forward_gradient: ForwardDynamicsGradient::zeros(n, np),
             linear: Linear::zeros(n),
+            matrix_lanes: vec![[0.0; LANES]; n * n],
+            inverse_lanes: InverseDynamicsDerivatives::lanes(n, constants),
+            forward_lanes: ForwardDynamicsDerivatives::lanes(n, constants),
+            inverse_gradient_lanes: InverseDynamicsGradient::lanes(n, np),
+            forward_gradient_lanes: ForwardDynamicsGradient::lanes(n, np),
         }
     }
 }
@@ -62,7 +72,7 @@ impl Results {
 type Call = fn(&dyn Mechanics, &[f64], &[f64], &[f64], &[usize], &mut Results);
 
 /// Every `_into` call of [`Mechanics`], by name.
-const CALLS: [(&str, Call); 18] = [
+const CALLS: [(&str, Call); 26] = [
     ("energies", |m, q, v, p, _, _| {
         let energy = m.kinetic_energy_with(q, v, p) + m.potential_energy_with(q, p);
         assert!(energy.is_finite());
@@ -105,6 +115,52 @@ const CALLS: [(&str, Call); 18] = [
     ("mass_matrix_lanes_into", |m, _, _, p, _, r| {
         m.mass_matrix_lanes_into(&r.q_lanes, p, &mut r.work, &mut r.mass_lanes);
     }),
+    ("coriolis_matrix_lanes_into", |m, _, _, p, _, r| {
+        let (q, v, out) = (&r.q_lanes, &r.v_lanes, &mut r.matrix_lanes);
+        m.coriolis_matrix_lanes_into(q, v, p, &mut r.work, out);
+    }),
+    ("gravity_force_lanes_into", |m, _, _, p, _, r| {
+        m.gravity_force_lanes_into(&r.q_lanes, p, &mut r.work, &mut r.force_lanes);
+    }),
+    ("bias_force_lanes_into", |m, _, _, p, _, r| {
+        let (q, v, out) = (&r.q_lanes, &r.v_lanes, &mut r.force_lanes);
+        m.bias_force_lanes_into(q, v, p, &mut r.work, out);
+    }),
+    ("equations_lanes_into", |m, _, _, p, _, r| {
+        let (q, v, work) = (&r.q_lanes, &r.v_lanes, &mut r.work);
+        let (mass, coriolis) = (&mut r.mass_lanes, &mut r.matrix_lanes);
+        m.equations_lanes_into(q, v, p, work, mass, coriolis, &mut r.force_lanes);
+    }),
+    (
+        "inverse_dynamics_derivatives_lanes_into",
+        |m, _, _, p, c, r| {
+            let (q, v, out) = (&r.q_lanes, &r.v_lanes, &mut r.inverse_lanes);
+            m.inverse_dynamics_derivatives_lanes_into(q, v, v, p, c, &mut r.work, out);
+        },
+    ),
+    (
+        "forward_dynamics_derivatives_lanes_into",
+        |m, _, _, p, c, r| {
+            let (q, v, out) = (&r.q_lanes, &r.v_lanes, &mut r.forward_lanes);
+            m.forward_dynamics_derivatives_lanes_into(q, v, v, p, c, &mut r.work, out)
+                .unwrap();
+        },
+    ),
+    (
+        "inverse_dynamics_gradient_lanes_into",
+        |m, _, _, p, _, r| {
+            let (q, v, out) = (&r.q_lanes, &r.v_lanes, &mut r.inverse_gradient_lanes);
+            m.inverse_dynamics_gradient_lanes_into(q, v, v, p, v, &mut r.work, out);
+        },
+    ),
+    (
+        "forward_dynamics_gradient_lanes_into",
+        |m, _, _, p, _, r| {
+            let (q, v, out) = (&r.q_lanes, &r.v_lanes, &mut r.forward_gradient_lanes);
+            m.forward_dynamics_gradient_lanes_into(q, v, v, p, v, &mut r.work, out)
+                .unwrap();
+        },
+    ),
     ("inverse_dynamics_lanes_into", |m, _, _, p, _, r| {
         let (q, v, out) = (&r.q_lanes, &r.v_lanes, &mut r.force_lanes);
         m.inverse_dynamics_lanes_into(q, v, v, p, &mut r.work, out);

@@ -7,7 +7,10 @@
 mod support;
 
 use criterion::{BenchmarkGroup, Criterion, criterion_group, criterion_main};
-use lagrange::{ForwardDynamicsDerivatives, InverseDynamicsDerivatives, LANES, Mechanics};
+use lagrange::{
+    ForwardDynamicsDerivatives, ForwardDynamicsGradient, InverseDynamicsDerivatives,
+    InverseDynamicsGradient, LANES, Mechanics,
+};
 use nalgebra::{DMatrix, DVector};
 
 use support::cpu_time::CpuTime;
@@ -108,16 +111,29 @@ fn derivatives(group: &mut BenchmarkGroup<'_, CpuTime>, robot: &Robot) {
             .unwrap();
         forward.by_q[0]
     });
+    let np = p.len();
+    let mut inverse = InverseDynamicsGradient::zeros(n, np);
+    let mut forward = ForwardDynamicsGradient::zeros(n, np);
+    over_states(group, "inverse_dynamics_gradient", robot, |s| {
+        let out = &mut inverse;
+        mechanics.inverse_dynamics_gradient_into(&s.q, &s.v, &s.a, &p, &s.a, work, out);
+        inverse.by_q[0]
+    });
+    over_states(group, "forward_dynamics_gradient", robot, |s| {
+        let out = &mut forward;
+        mechanics
+            .forward_dynamics_gradient_into(&s.q, &s.v, &s.a, &p, &s.a, work, out)
+            .unwrap();
+        forward.by_q[0]
+    });
 }
+
+/// Eight states side by side: q, v and v̇ or Q.
+type Batch = [Vec<[f64; LANES]>; 3];
 
 /// Eight states at once; a figure is for all eight.
 fn lanes(group: &mut BenchmarkGroup<'_, CpuTime>, robot: &Robot) {
-    let mechanics = &robot.mechanics;
-    let (n, p) = (mechanics.nv(), mechanics.nominal());
-    let work = &mut mechanics.workspace();
-    let mut out = vec![[0.0; LANES]; n];
-    let mut mass = vec![[0.0; LANES]; n * n];
-    let batches: Vec<[Vec<[f64; LANES]>; 3]> = robot
+    let batches: Vec<Batch> = robot
         .states
         .as_chunks::<LANES>()
         .0
@@ -130,31 +146,100 @@ fn lanes(group: &mut BenchmarkGroup<'_, CpuTime>, robot: &Robot) {
             ]
         })
         .collect();
-    let mut batches = batches.iter().cycle();
+    lanes_of_terms(group, robot, &batches);
+    lanes_of_derivatives(group, robot, &batches);
+}
 
-    group.bench_function("inverse_dynamics_lanes", |bencher| {
-        bencher.iter(|| {
-            let [q, v, a] = batches.next().unwrap();
-            mechanics.inverse_dynamics_lanes_into(q, v, a, &p, work, &mut out);
-            out[0][0]
-        });
+/// Times `call` over the batches, one after the other.
+fn over_batches(
+    group: &mut BenchmarkGroup<'_, CpuTime>,
+    name: &str,
+    batches: &[Batch],
+    mut call: impl FnMut(&Batch) -> f64,
+) {
+    let mut batches = batches.iter().cycle();
+    group.bench_function(name, |bencher| {
+        bencher.iter(|| call(batches.next().unwrap()))
     });
-    group.bench_function("forward_dynamics_lanes", |bencher| {
-        bencher.iter(|| {
-            let [q, v, force] = batches.next().unwrap();
-            out.copy_from_slice(force);
-            mechanics
-                .forward_dynamics_lanes_into(q, v, &p, work, &mut out)
-                .unwrap();
-            out[0][0]
-        });
+}
+
+fn lanes_of_terms(group: &mut BenchmarkGroup<'_, CpuTime>, robot: &Robot, batches: &[Batch]) {
+    let mechanics = &robot.mechanics;
+    let (n, p) = (mechanics.nv(), mechanics.nominal());
+    let work = &mut mechanics.workspace();
+    let mut out = vec![[0.0; LANES]; n];
+    let (mut mass, mut matrix) = (vec![[0.0; LANES]; n * n], vec![[0.0; LANES]; n * n]);
+
+    over_batches(group, "inverse_dynamics_lanes", batches, |[q, v, a]| {
+        mechanics.inverse_dynamics_lanes_into(q, v, a, &p, work, &mut out);
+        out[0][0]
     });
-    group.bench_function("mass_matrix_lanes", |bencher| {
-        bencher.iter(|| {
-            let [q, _, _] = batches.next().unwrap();
-            mechanics.mass_matrix_lanes_into(q, &p, work, &mut mass);
-            mass[0][0]
-        });
+    over_batches(group, "forward_dynamics_lanes", batches, |[q, v, force]| {
+        out.copy_from_slice(force);
+        mechanics
+            .forward_dynamics_lanes_into(q, v, &p, work, &mut out)
+            .unwrap();
+        out[0][0]
+    });
+    over_batches(group, "mass_matrix_lanes", batches, |[q, _, _]| {
+        mechanics.mass_matrix_lanes_into(q, &p, work, &mut mass);
+        mass[0][0]
+    });
+    over_batches(group, "coriolis_matrix_lanes", batches, |[q, v, _]| {
+        mechanics.coriolis_matrix_lanes_into(q, v, &p, work, &mut matrix);
+        matrix[0][0]
+    });
+    over_batches(group, "gravity_force_lanes", batches, |[q, _, _]| {
+        mechanics.gravity_force_lanes_into(q, &p, work, &mut out);
+        out[0][0]
+    });
+    over_batches(group, "bias_force_lanes", batches, |[q, v, _]| {
+        mechanics.bias_force_lanes_into(q, v, &p, work, &mut out);
+        out[0][0]
+    });
+    over_batches(group, "M_C_G_together_lanes", batches, |[q, v, _]| {
+        let (mass, matrix) = (&mut mass, &mut matrix);
+        mechanics.equations_lanes_into(q, v, &p, work, mass, matrix, &mut out);
+        mass[0][0] + matrix[0][0] + out[0][0]
+    });
+}
+
+fn lanes_of_derivatives(group: &mut BenchmarkGroup<'_, CpuTime>, robot: &Robot, batches: &[Batch]) {
+    let mechanics = &robot.mechanics;
+    let (n, p) = (mechanics.nv(), mechanics.nominal());
+    let work = &mut mechanics.workspace();
+    let mut inverse = InverseDynamicsDerivatives::lanes(n, 0);
+    let mut forward = ForwardDynamicsDerivatives::lanes(n, 0);
+    let mut inverse_row = InverseDynamicsGradient::lanes(n, p.len());
+    let mut forward_row = ForwardDynamicsGradient::lanes(n, p.len());
+
+    let name = "inverse_dynamics_derivatives_lanes";
+    over_batches(group, name, batches, |[q, v, a]| {
+        let out = &mut inverse;
+        mechanics.inverse_dynamics_derivatives_lanes_into(q, v, a, &p, &[], work, out);
+        inverse.by_q[0][0]
+    });
+    let name = "forward_dynamics_derivatives_lanes";
+    over_batches(group, name, batches, |[q, v, force]| {
+        let out = &mut forward;
+        mechanics
+            .forward_dynamics_derivatives_lanes_into(q, v, force, &p, &[], work, out)
+            .unwrap();
+        forward.by_q[0][0]
+    });
+    let name = "inverse_dynamics_gradient_lanes";
+    over_batches(group, name, batches, |[q, v, a]| {
+        let out = &mut inverse_row;
+        mechanics.inverse_dynamics_gradient_lanes_into(q, v, a, &p, a, work, out);
+        inverse_row.by_q[0][0]
+    });
+    let name = "forward_dynamics_gradient_lanes";
+    over_batches(group, name, batches, |[q, v, force]| {
+        let out = &mut forward_row;
+        mechanics
+            .forward_dynamics_gradient_lanes_into(q, v, force, &p, v, work, out)
+            .unwrap();
+        forward_row.by_q[0][0]
     });
 }
 

@@ -1,11 +1,13 @@
 //! The equations of motion of a [`Lagrangian`], by the fastest route there is for it.
 
+mod lanes;
+
 use nalgebra::{DMatrix, DVector};
 
 use crate::equations::derivatives::inverse_dynamics_derivatives;
 use crate::equations::{Workspace, cholesky, coriolis, fast, gradient, one_by_one, reference};
 use crate::trace::{Arguments, Compiled, Quantity, Registers, mass_depends_on_velocity};
-use crate::tree::{At, Engine, LEAST_PIVOT, Machine};
+use crate::tree::{Algorithms, At, Engine, LEAST_PIVOT, Machine};
 use crate::{Coordinate, Error, LANES, Lagrangian, Mechanics, Parameter};
 use crate::{Formulas, FormulasError};
 use crate::{ForwardDynamicsDerivatives, ForwardDynamicsGradient};
@@ -15,6 +17,11 @@ use crate::{InverseDynamicsDerivatives, InverseDynamicsGradient};
 const FEW: usize = 2;
 
 /// [`Mechanics`] of a [`Lagrangian`].
+///
+/// By one of three routes: joint by joint for a tree of rigid bodies, by programs from a trace of T and V where these are short
+/// enough and do not branch, by dual numbers else. Calls for eight states (`_lanes_into`) go side by side in the processor's vectors on
+/// the first two; the functions of a text other than sines, cosines, roots and integer powers are then still called state after state.
+/// By dual numbers, and so for T not quadratic in v, the states go one after the other.
 ///
 /// ```
 /// use lagrange::{Dynamics, Lagrangian, Mechanics, Scalar};
@@ -462,11 +469,14 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut [[f64; LANES]],
     ) {
-        match self.engine(work) {
-            Some((engine, machine)) => {
-                engine.inverse_dynamics(At { q, v, p }, Some(a), machine, out);
-            }
-            None => one_by_one::inverse_dynamics(self, (q, v, a), p, work, out),
+        let at = Arguments { q, v, a, p };
+        if self.program_lanes(Quantity::Force, at, &mut work.eight, out.iter_mut()) {
+            return;
+        }
+        if let Some((engine, machine)) = self.engine(work) {
+            engine.inverse_dynamics(At { q, v, p }, Some(a), machine, out);
+        } else {
+            one_by_one::inverse_dynamics(self, (q, v, a), p, work, out);
         }
     }
 
@@ -478,18 +488,7 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut [[f64; LANES]],
     ) -> Result<(), Error> {
-        let independent = |joints: &(&Engine, &mut Machine)| joints.0.is_independent();
-        let Some((engine, machine)) = self.engine(work).filter(independent) else {
-            return one_by_one::forward_dynamics(self, (q, v), p, work, out);
-        };
-        engine.forward_dynamics(At { q, v, p }, machine, out);
-        match (0..LANES).find(|&k| out.iter().any(|a| !a[k].is_finite())) {
-            None => Ok(()),
-            Some(lane) => {
-                let of = |x: &[[f64; LANES]]| -> Vec<f64> { x.iter().map(|x| x[lane]).collect() };
-                Err(self.no_acceleration(&of(q), &of(v), p, work))
-            }
-        }
+        self.forward_lanes((q, v), p, work, out)
     }
 
     fn mass_matrix_lanes_into(
@@ -499,12 +498,149 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut [[f64; LANES]],
     ) {
-        match self.engine(work) {
-            Some((engine, machine)) => {
-                engine.mass_matrix(At { q, v: &[], p }, machine, out);
-            }
-            None => one_by_one::mass_matrix(self, q, p, work, out),
+        let (v, a): (&[[f64; LANES]], &[[f64; LANES]]) = (&[], &[]);
+        let at = Arguments { q, v, a, p };
+        if self.program_lanes(Quantity::Mass, at, &mut work.eight, out.iter_mut()) {
+            return;
         }
+        if let Some((engine, machine)) = self.engine(work) {
+            engine.mass_matrix(At { q, v, p }, machine, out);
+        } else {
+            one_by_one::mass_matrix(self, q, p, work, out);
+        }
+    }
+
+    fn coriolis_matrix_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut [[f64; LANES]],
+    ) {
+        let at = Arguments { q, v, p, a: &[] };
+        if self.program_lanes(Quantity::Coriolis, at, &mut work.eight, out.iter_mut()) {
+            return;
+        }
+        if let Some((engine, machine)) = self.engine(work) {
+            engine.coriolis_matrix(At { q, v, p }, machine, out);
+        } else {
+            one_by_one::coriolis_matrix(self, (q, v), p, work, out);
+        }
+    }
+
+    fn gravity_force_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut [[f64; LANES]],
+    ) {
+        let (v, a): (&[[f64; LANES]], &[[f64; LANES]]) = (&[], &[]);
+        let at = Arguments { q, v, a, p };
+        if self.program_lanes(Quantity::Gravity, at, &mut work.eight, out.iter_mut()) {
+            return;
+        }
+        if let Some((engine, machine)) = self.engine(work) {
+            engine.gravity_force(At { q, v, p }, machine, out);
+        } else {
+            one_by_one::gravity_force(self, q, p, work, out);
+        }
+    }
+
+    fn bias_force_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut [[f64; LANES]],
+    ) {
+        let at = Arguments { q, v, p, a: &[] };
+        if self.program_lanes(Quantity::Bias, at, &mut work.eight, out.iter_mut()) {
+            return;
+        }
+        if let Some((engine, machine)) = self.engine(work) {
+            engine.inverse_dynamics(At { q, v, p }, None, machine, out);
+        } else {
+            one_by_one::bias_force(self, (q, v), p, work, out);
+        }
+    }
+
+    fn equations_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        p: &[f64],
+        work: &mut Workspace,
+        mass: &mut [[f64; LANES]],
+        coriolis: &mut [[f64; LANES]],
+        gravity: &mut [[f64; LANES]],
+    ) {
+        let at = Arguments { q, v, p, a: &[] };
+        let slots = mass.iter_mut().chain(&mut *coriolis).chain(&mut *gravity);
+        if self.program_lanes(Quantity::Terms, at, &mut work.eight, slots) {
+            return;
+        }
+        if let Some((engine, machine)) = self.engine(work) {
+            engine.equations(At { q, v, p }, machine, mass, coriolis, gravity);
+        } else {
+            self.mass_matrix_lanes_into(q, p, work, mass);
+            self.coriolis_matrix_lanes_into(q, v, p, work, coriolis);
+            self.gravity_force_lanes_into(q, p, work, gravity);
+        }
+    }
+
+    fn inverse_dynamics_derivatives_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        a: &[[f64; LANES]],
+        p: &[f64],
+        constants: &[usize],
+        work: &mut Workspace,
+        out: &mut InverseDynamicsDerivatives<[f64; LANES]>,
+    ) {
+        self.inverse_derivatives_lanes((q, v, a), p, constants, work, out);
+    }
+
+    fn forward_dynamics_derivatives_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        force: &[[f64; LANES]],
+        p: &[f64],
+        constants: &[usize],
+        work: &mut Workspace,
+        out: &mut ForwardDynamicsDerivatives<[f64; LANES]>,
+    ) -> Result<(), Error> {
+        self.forward_derivatives_lanes((q, v, force), p, constants, work, out)
+    }
+
+    fn inverse_dynamics_gradient_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        a: &[[f64; LANES]],
+        p: &[f64],
+        weight: &[[f64; LANES]],
+        work: &mut Workspace,
+        out: &mut InverseDynamicsGradient<[f64; LANES]>,
+    ) {
+        self.inverse_gradient_lanes((q, v, a), p, weight, work, out);
+    }
+
+    fn forward_dynamics_gradient_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        force: &[[f64; LANES]],
+        p: &[f64],
+        weight: &[[f64; LANES]],
+        work: &mut Workspace,
+        out: &mut ForwardDynamicsGradient<[f64; LANES]>,
+    ) -> Result<(), Error> {
+        self.forward_gradient_lanes((q, v, force), p, weight, work, out)
     }
 }
 

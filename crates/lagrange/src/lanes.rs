@@ -198,8 +198,22 @@ impl<const F: bool> Scalar for Lanes<F> {
     fn atan2(self, x: Self) -> Self {
         Lanes(from_fn(|i| self.0[i].atan2(x.0[i])))
     }
+    /// By squares, as `f64::powi`.
+    #[inline(always)]
     fn powi(self, n: i32) -> Self {
-        self.each(|x| x.powi(n))
+        let (mut square, mut power) = (self, Self::constant(1.0));
+        let mut left = n.unsigned_abs();
+        while left > 0 {
+            if left & 1 == 1 {
+                power = power * square;
+            }
+            square = square * square;
+            left >>= 1;
+        }
+        if n < 0 {
+            power = Self::constant(1.0) / power;
+        }
+        power
     }
     // The choices of `Scalar`, lane by lane.
     fn sign(self) -> Self {

@@ -113,7 +113,7 @@
 //! | ∂T/∂v; where the work of Q goes | [`momentum`](Mechanics::momentum), [`power_balance`](Mechanics::power_balance) |
 //! | Q = Y π, and derivatives in mass, centre and inertia of a link | [`regressor`](Dynamics::regressor), [`forward_dynamics_by_inertia`](Dynamics::forward_dynamics_by_inertia) |
 //! | poses and Jacobians of links, centre of mass | [`mechanism::Tree`] |
-//! | eight states at once | [`inverse_dynamics_lanes_into`](Mechanics::inverse_dynamics_lanes_into) and its like |
+//! | eight states at once: M, C, G, bias, both dynamics, their derivatives and gradients | [`forward_dynamics_lanes_into`](Mechanics::forward_dynamics_lanes_into) and its like |
 //! | M, C and G as formulas or as code | [`Formulas`] |
 //!
 //! A URDF's equations are found joint by joint, at a cost that grows with the number of joints (forces, accelerations) or with it times
@@ -127,6 +127,11 @@
 //! ([`Mechanics::parameters`]: mass scales of a URDF's bodies, parameters of a text) as an argument. Its name ends in `_into`, or in
 //! `_with` where it returns a number: energies and power balance. [`Workspace`] is the memory, one a thread. On a tree the regressor
 //! and the derivatives in the inertia of a link use the memory of the other algorithms.
+//!
+//! A `_lanes_into` call takes eight states, entry by entry side by side: `q[i][k]` is entry i of state k. For trees, also where a joint
+//! follows another, and for energies that are compiled to programs they are computed together in the processor's vectors; on dual
+//! numbers, and the forward dynamics of constrained mechanisms, one after the other. Energies, momentum, power balance, linearisation
+//! and the regressor have no such call.
 pub mod constraint;
 mod dynamics;
 pub mod equations;
@@ -136,6 +141,7 @@ mod lagrangian;
 mod lanes;
 mod mechanics;
 pub mod mechanism;
+mod processor;
 mod scalar;
 pub mod state;
 mod text;

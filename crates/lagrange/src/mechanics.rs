@@ -213,6 +213,9 @@ pub trait Mechanics: Send + Sync {
     }
 
     /// [`inverse_dynamics_into`](Self::inverse_dynamics_into) of eight states: lane k of every entry is state k.
+    ///
+    /// As all calls for eight states: side by side in the processor's vectors for a tree and for energies that are traced to programs
+    /// (see [`Dynamics`](crate::Dynamics)), one state after the other else.
     fn inverse_dynamics_lanes_into(
         &self,
         q: &[[f64; LANES]],
@@ -250,6 +253,128 @@ pub trait Mechanics: Send + Sync {
         out: &mut [[f64; LANES]],
     ) {
         one_by_one::mass_matrix(self, q, p, work, out);
+    }
+
+    /// [`coriolis_matrix_into`](Self::coriolis_matrix_into) of eight states, column after column: lane k of every entry is state k.
+    fn coriolis_matrix_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut [[f64; LANES]],
+    ) {
+        one_by_one::coriolis_matrix(self, (q, v), p, work, out);
+    }
+
+    /// [`gravity_force_into`](Self::gravity_force_into) of eight positions: lane k of every entry is state k.
+    fn gravity_force_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut [[f64; LANES]],
+    ) {
+        one_by_one::gravity_force(self, q, p, work, out);
+    }
+
+    /// [`bias_force_into`](Self::bias_force_into) of eight states: lane k of every entry is state k.
+    fn bias_force_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut [[f64; LANES]],
+    ) {
+        one_by_one::bias_force(self, (q, v), p, work, out);
+    }
+
+    /// [`equations_into`](Self::equations_into) of eight states, matrices column after column: lane k of every entry is state k.
+    #[allow(clippy::too_many_arguments)]
+    fn equations_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        p: &[f64],
+        work: &mut Workspace,
+        mass: &mut [[f64; LANES]],
+        coriolis: &mut [[f64; LANES]],
+        gravity: &mut [[f64; LANES]],
+    ) {
+        self.mass_matrix_lanes_into(q, p, work, mass);
+        self.coriolis_matrix_lanes_into(q, v, p, work, coriolis);
+        self.gravity_force_lanes_into(q, p, work, gravity);
+    }
+
+    /// [`inverse_dynamics_derivatives_into`](Self::inverse_dynamics_derivatives_into) of eight states; `out` is made by
+    /// [`InverseDynamicsDerivatives::lanes`].
+    #[allow(clippy::too_many_arguments)]
+    fn inverse_dynamics_derivatives_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        a: &[[f64; LANES]],
+        p: &[f64],
+        constants: &[usize],
+        work: &mut Workspace,
+        out: &mut InverseDynamicsDerivatives<[f64; LANES]>,
+    ) {
+        one_by_one::inverse_derivatives(self, (q, v, a), p, constants, work, out);
+    }
+
+    /// [`forward_dynamics_derivatives_into`](Self::forward_dynamics_derivatives_into) of eight states; `out` is made by
+    /// [`ForwardDynamicsDerivatives::lanes`].
+    ///
+    /// # Errors
+    /// Of the first state that has no acceleration; `out` is then of no use.
+    #[allow(clippy::too_many_arguments)]
+    fn forward_dynamics_derivatives_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        force: &[[f64; LANES]],
+        p: &[f64],
+        constants: &[usize],
+        work: &mut Workspace,
+        out: &mut ForwardDynamicsDerivatives<[f64; LANES]>,
+    ) -> Result<(), Error> {
+        one_by_one::forward_derivatives(self, (q, v, force), p, constants, work, out)
+    }
+
+    /// [`inverse_dynamics_gradient_into`](Self::inverse_dynamics_gradient_into) of eight states with a row each; `out` is made by
+    /// [`InverseDynamicsGradient::lanes`].
+    #[allow(clippy::too_many_arguments)]
+    fn inverse_dynamics_gradient_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        a: &[[f64; LANES]],
+        p: &[f64],
+        weight: &[[f64; LANES]],
+        work: &mut Workspace,
+        out: &mut InverseDynamicsGradient<[f64; LANES]>,
+    ) {
+        one_by_one::inverse_gradient(self, (q, v, a), p, weight, work, out);
+    }
+
+    /// [`forward_dynamics_gradient_into`](Self::forward_dynamics_gradient_into) of eight states with a row each; `out` is made by
+    /// [`ForwardDynamicsGradient::lanes`].
+    ///
+    /// # Errors
+    /// Of the first state that has no acceleration; `out` is then of no use.
+    #[allow(clippy::too_many_arguments)]
+    fn forward_dynamics_gradient_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        force: &[[f64; LANES]],
+        p: &[f64],
+        weight: &[[f64; LANES]],
+        work: &mut Workspace,
+        out: &mut ForwardDynamicsGradient<[f64; LANES]>,
+    ) -> Result<(), Error> {
+        one_by_one::forward_gradient(self, (q, v, force), p, weight, work, out)
     }
 
     /// The constraints that the forward dynamics obeys, where there are some; see [`Constrained`](crate::constraint::Constrained).

@@ -4,6 +4,7 @@ table.py record CRITERION_FOLDER    what criterion has measured there, a line of
 table.py print FIGURES.jsonl        lagrange beside its peers: ratios, then times
 table.py joints CRITERION_FOLDER    cost over the number of joints
 table.py text CRITERION_FOLDER      energies as text beside the same in Rust
+table.py lanes CRITERION_FOLDER     a state of eight beside one alone
 
 Of several rounds the smallest time counts; the range of a ratio is that over the rounds.
 """
@@ -165,6 +166,21 @@ def print_joints(folder):
     rows(["ns a joint", *map(str, counts), "last / first"], lines)
 
 
+def print_lanes(folder):
+    found = medians(folder)
+    robots = [group for group in found if "/" in group and not group.startswith("text/")]
+
+    def pair(robot, call):
+        one, eight = found[robot].get(call), found[robot].get(f"{call}_lanes")
+        if one is None or eight is None:
+            return "–"
+        text = f"{time(one)} · {time(eight)} ({eight / one:.2f})"
+        return f"**{text}**" if eight > one else text
+
+    calls = dict.fromkeys(name.removesuffix("_lanes") for r in robots for name in found[r] if name.endswith("_lanes"))
+    rows(["call", *robots], [[call, *(pair(r, call) for r in robots)] for call in calls])
+
+
 def print_text(folder):
     found = medians(folder)
     for name in sorted({group.split("/")[1] for group in found if group.startswith("text/")}):
@@ -178,4 +194,4 @@ def print_text(folder):
         )
 
 
-{"record": record, "print": print_figures, "joints": print_joints, "text": print_text}[sys.argv[1]](sys.argv[2])
+{"record": record, "print": print_figures, "joints": print_joints, "text": print_text, "lanes": print_lanes}[sys.argv[1]](sys.argv[2])

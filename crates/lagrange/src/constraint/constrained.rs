@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::kinematics::{Kinematics, Room, Sizes};
 use super::{Constraint, Dropped, Holonomic, independent, project};
+use crate::InverseDynamicsGradient;
 use crate::equations::cholesky;
 use crate::{Coordinate, Error, ForwardDynamicsDerivatives, InverseDynamicsDerivatives};
 use crate::{Formulas, FormulasError, LANES, Mechanics, Parameter, Workspace};
@@ -17,7 +18,8 @@ pub const DEFAULT_RATE: f64 = 50.0;
 ///
 /// It is [`Mechanics`] of the same coordinates, with the mass matrix, Coriolis matrix, gravity, energies and inverse dynamics of the
 /// free mechanism, and constrained forward dynamics: [`by_force`](ForwardDynamicsDerivatives::by_force) is
-/// M⁻¹ − M⁻¹ Jᵀ (J M⁻¹ Jᵀ)⁻¹ J M⁻¹, of the rank of the degrees of freedom that are left.
+/// M⁻¹ − M⁻¹ Jᵀ (J M⁻¹ Jᵀ)⁻¹ J M⁻¹, of the rank of the degrees of freedom that are left. Of eight states (`_lanes_into`) the forward dynamics
+/// with its derivatives and gradients goes one after the other, all else as in the free mechanism.
 ///
 /// The force Jᵀ λ, stabilisation included, does the work λᵀ J v = λᵀ φ̇, W, which is 0 where φ̇ = 0 alone: at velocities that violate the
 /// constraints, the terms of [`power_balance`](Mechanics::power_balance), which hold no such work, do not add up by this much.
@@ -482,6 +484,94 @@ impl<M: Mechanics, C: Constraint> Mechanics for Constrained<M, C> {
         out: &mut [[f64; LANES]],
     ) {
         self.free.mass_matrix_lanes_into(q, p, work, out);
+    }
+
+    fn coriolis_matrix_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut [[f64; LANES]],
+    ) {
+        self.free.coriolis_matrix_lanes_into(q, v, p, work, out);
+    }
+
+    fn gravity_force_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut [[f64; LANES]],
+    ) {
+        self.free.gravity_force_lanes_into(q, p, work, out);
+    }
+
+    fn bias_force_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut [[f64; LANES]],
+    ) {
+        self.free.bias_force_lanes_into(q, v, p, work, out);
+    }
+
+    fn equations_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        p: &[f64],
+        work: &mut Workspace,
+        mass: &mut [[f64; LANES]],
+        coriolis: &mut [[f64; LANES]],
+        gravity: &mut [[f64; LANES]],
+    ) {
+        self.free
+            .equations_lanes_into(q, v, p, work, mass, coriolis, gravity);
+    }
+
+    fn inverse_dynamics_derivatives_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        a: &[[f64; LANES]],
+        p: &[f64],
+        constants: &[usize],
+        work: &mut Workspace,
+        out: &mut InverseDynamicsDerivatives<[f64; LANES]>,
+    ) {
+        self.free
+            .inverse_dynamics_derivatives_lanes_into(q, v, a, p, constants, work, out);
+    }
+
+    fn inverse_dynamics_gradient_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        a: &[f64],
+        p: &[f64],
+        weight: &[f64],
+        work: &mut Workspace,
+        out: &mut InverseDynamicsGradient,
+    ) {
+        self.free
+            .inverse_dynamics_gradient_into(q, v, a, p, weight, work, out);
+    }
+
+    fn inverse_dynamics_gradient_lanes_into(
+        &self,
+        q: &[[f64; LANES]],
+        v: &[[f64; LANES]],
+        a: &[[f64; LANES]],
+        p: &[f64],
+        weight: &[[f64; LANES]],
+        work: &mut Workspace,
+        out: &mut InverseDynamicsGradient<[f64; LANES]>,
+    ) {
+        self.free
+            .inverse_dynamics_gradient_lanes_into(q, v, a, p, weight, work, out);
     }
 
     /// v̇ from M v̇ = Q + Jᵀ λ − C v − G with φ̈ + 2 ω φ̇ + ω² φ = 0.

@@ -9,7 +9,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::Workspace;
-use crate::Lagrangian;
+use crate::{LANES, Lagrangian};
 
 /// Which variable is moved.
 #[derive(Clone, Copy)]
@@ -19,52 +19,80 @@ enum Variable {
     Constant(usize),
 }
 
-/// Derivatives of the inverse dynamics Q(q, v, v̇; p) at fixed v̇, one column a variable.
+/// Derivatives of the inverse dynamics Q(q, v, v̇; p) at fixed v̇, one column a variable. Entries are numbers, or `[f64; LANES]` for
+/// eight states: lane k is state k.
 #[derive(Debug, Clone, PartialEq)]
-pub struct InverseDynamicsDerivatives {
+pub struct InverseDynamicsDerivatives<T = f64> {
     /// ∂Q/∂q, n × n.
-    pub by_q: DMatrix<f64>,
+    pub by_q: DMatrix<T>,
     /// ∂Q/∂v, n × n.
-    pub by_v: DMatrix<f64>,
+    pub by_v: DMatrix<T>,
     /// ∂Q/∂p for the constants that were asked for, n × their number.
-    pub by_p: DMatrix<f64>,
+    pub by_p: DMatrix<T>,
 }
 
 impl InverseDynamicsDerivatives {
     /// Zeros, for `nv` coordinates and `np` constants.
     pub fn zeros(nv: usize, np: usize) -> Self {
+        Self::filled(nv, np, 0.0)
+    }
+}
+
+impl InverseDynamicsDerivatives<[f64; LANES]> {
+    /// Zeros for eight states.
+    pub fn lanes(nv: usize, np: usize) -> Self {
+        Self::filled(nv, np, [0.0; LANES])
+    }
+}
+
+impl<T: nalgebra::Scalar> InverseDynamicsDerivatives<T> {
+    fn filled(nv: usize, np: usize, zero: T) -> Self {
         InverseDynamicsDerivatives {
-            by_q: DMatrix::zeros(nv, nv),
-            by_v: DMatrix::zeros(nv, nv),
-            by_p: DMatrix::zeros(nv, np),
+            by_q: DMatrix::from_element(nv, nv, zero.clone()),
+            by_v: DMatrix::from_element(nv, nv, zero.clone()),
+            by_p: DMatrix::from_element(nv, np, zero.clone()),
         }
     }
 }
 
-/// The acceleration v̇(q, v, Q; p) of the forward dynamics and its derivatives, one column a variable.
+/// The acceleration v̇(q, v, Q; p) of the forward dynamics and its derivatives, one column a variable. Entries are numbers, or
+/// `[f64; LANES]` for eight states: lane k is state k.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ForwardDynamicsDerivatives {
+pub struct ForwardDynamicsDerivatives<T = f64> {
     /// v̇.
-    pub acceleration: DVector<f64>,
+    pub acceleration: DVector<T>,
     /// ∂v̇/∂q at fixed v and Q, n × n; along the tangent of q where a joint floats.
-    pub by_q: DMatrix<f64>,
+    pub by_q: DMatrix<T>,
     /// ∂v̇/∂v at fixed q and Q, n × n.
-    pub by_v: DMatrix<f64>,
+    pub by_v: DMatrix<T>,
     /// ∂v̇/∂Q, n × n, symmetric: M⁻¹ where nothing is constrained.
-    pub by_force: DMatrix<f64>,
+    pub by_force: DMatrix<T>,
     /// ∂v̇/∂p for the constants that were asked for, n × their number.
-    pub by_p: DMatrix<f64>,
+    pub by_p: DMatrix<T>,
 }
 
 impl ForwardDynamicsDerivatives {
     /// Zeros, for `nv` degrees of freedom and `np` constants.
     pub fn zeros(nv: usize, np: usize) -> Self {
+        Self::filled(nv, np, 0.0)
+    }
+}
+
+impl ForwardDynamicsDerivatives<[f64; LANES]> {
+    /// Zeros for eight states.
+    pub fn lanes(nv: usize, np: usize) -> Self {
+        Self::filled(nv, np, [0.0; LANES])
+    }
+}
+
+impl<T: nalgebra::Scalar> ForwardDynamicsDerivatives<T> {
+    fn filled(nv: usize, np: usize, zero: T) -> Self {
         ForwardDynamicsDerivatives {
-            acceleration: DVector::zeros(nv),
-            by_q: DMatrix::zeros(nv, nv),
-            by_v: DMatrix::zeros(nv, nv),
-            by_force: DMatrix::zeros(nv, nv),
-            by_p: DMatrix::zeros(nv, np),
+            acceleration: DVector::from_element(nv, zero.clone()),
+            by_q: DMatrix::from_element(nv, nv, zero.clone()),
+            by_v: DMatrix::from_element(nv, nv, zero.clone()),
+            by_force: DMatrix::from_element(nv, nv, zero.clone()),
+            by_p: DMatrix::from_element(nv, np, zero.clone()),
         }
     }
 }

@@ -4,60 +4,90 @@ use nalgebra::{DMatrix, DVector};
 
 use super::Workspace;
 use super::derivatives::{ForwardDynamicsDerivatives, InverseDynamicsDerivatives};
-use crate::{Error, Mechanics};
+use crate::{Error, LANES, Mechanics};
 
-/// λᵀ ∂Q/∂x of the inverse dynamics Q(q, v, v̇; p), for one row λ.
+/// λᵀ ∂Q/∂x of the inverse dynamics Q(q, v, v̇; p), for one row λ. Entries are numbers, or `[f64; LANES]` for eight states with a row
+/// each: lane k is state k.
 #[derive(Debug, Clone, PartialEq)]
-pub struct InverseDynamicsGradient {
+pub struct InverseDynamicsGradient<T = f64> {
     /// λᵀ ∂Q/∂q, nv entries; along the velocities where a joint floats.
-    pub by_q: DVector<f64>,
+    pub by_q: DVector<T>,
     /// λᵀ ∂Q/∂v, nv entries.
-    pub by_v: DVector<f64>,
+    pub by_v: DVector<T>,
     /// λᵀ ∂Q/∂v̇ = (M λ)ᵀ, nv entries.
-    pub by_a: DVector<f64>,
+    pub by_a: DVector<T>,
     /// λᵀ ∂Q/∂p, for all constants.
-    pub by_p: DVector<f64>,
+    pub by_p: DVector<T>,
 }
 
 impl InverseDynamicsGradient {
     /// Zeros, for `nv` degrees of freedom and `np` constants.
     pub fn zeros(nv: usize, np: usize) -> Self {
+        Self::filled(nv, np, 0.0)
+    }
+}
+
+impl InverseDynamicsGradient<[f64; LANES]> {
+    /// Zeros for eight states.
+    pub fn lanes(nv: usize, np: usize) -> Self {
+        Self::filled(nv, np, [0.0; LANES])
+    }
+}
+
+impl<T: nalgebra::Scalar> InverseDynamicsGradient<T> {
+    fn filled(nv: usize, np: usize, zero: T) -> Self {
         InverseDynamicsGradient {
-            by_q: DVector::zeros(nv),
-            by_v: DVector::zeros(nv),
-            by_a: DVector::zeros(nv),
-            by_p: DVector::zeros(np),
+            by_q: DVector::from_element(nv, zero.clone()),
+            by_v: DVector::from_element(nv, zero.clone()),
+            by_a: DVector::from_element(nv, zero.clone()),
+            by_p: DVector::from_element(np, zero.clone()),
         }
     }
 }
 
-/// The acceleration v̇(q, v, Q; p), and wᵀ ∂v̇/∂x for one row w.
+/// The acceleration v̇(q, v, Q; p), and wᵀ ∂v̇/∂x for one row w. Entries are numbers, or `[f64; LANES]` for eight states with a row
+/// each: lane k is state k.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ForwardDynamicsGradient {
+pub struct ForwardDynamicsGradient<T = f64> {
     /// v̇.
-    pub acceleration: DVector<f64>,
+    pub acceleration: DVector<T>,
     /// wᵀ ∂v̇/∂q, nv entries; along the velocities where a joint floats.
-    pub by_q: DVector<f64>,
+    pub by_q: DVector<T>,
     /// wᵀ ∂v̇/∂v, nv entries.
-    pub by_v: DVector<f64>,
+    pub by_v: DVector<T>,
     /// wᵀ ∂v̇/∂Q, nv entries: M⁻¹ w where nothing is constrained.
-    pub by_force: DVector<f64>,
+    pub by_force: DVector<T>,
     /// wᵀ ∂v̇/∂p, for all constants.
-    pub by_p: DVector<f64>,
+    pub by_p: DVector<T>,
 }
 
 impl ForwardDynamicsGradient {
     /// Zeros, for `nv` degrees of freedom and `np` constants.
     pub fn zeros(nv: usize, np: usize) -> Self {
+        Self::filled(nv, np, 0.0)
+    }
+}
+
+impl ForwardDynamicsGradient<[f64; LANES]> {
+    /// Zeros for eight states.
+    pub fn lanes(nv: usize, np: usize) -> Self {
+        Self::filled(nv, np, [0.0; LANES])
+    }
+}
+
+impl<T: nalgebra::Scalar> ForwardDynamicsGradient<T> {
+    fn filled(nv: usize, np: usize, zero: T) -> Self {
         ForwardDynamicsGradient {
-            acceleration: DVector::zeros(nv),
-            by_q: DVector::zeros(nv),
-            by_v: DVector::zeros(nv),
-            by_force: DVector::zeros(nv),
-            by_p: DVector::zeros(np),
+            acceleration: DVector::from_element(nv, zero.clone()),
+            by_q: DVector::from_element(nv, zero.clone()),
+            by_v: DVector::from_element(nv, zero.clone()),
+            by_force: DVector::from_element(nv, zero.clone()),
+            by_p: DVector::from_element(np, zero.clone()),
         }
     }
+}
 
+impl ForwardDynamicsGradient {
     /// From the derivatives themselves.
     pub(crate) fn collect(&mut self, by: &ForwardDynamicsDerivatives, weight: &[f64]) {
         self.acceleration.copy_from(&by.acceleration);

@@ -11,6 +11,7 @@ pub mod adjoint;
 pub(crate) mod cholesky;
 pub(crate) mod coriolis;
 pub(crate) mod derivatives;
+pub(crate) mod eight;
 pub(crate) mod fast;
 pub(crate) mod gradient;
 pub(crate) mod linear;

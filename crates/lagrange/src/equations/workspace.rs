@@ -3,10 +3,12 @@
 use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual64, HyperDual64, HyperHyperDual64};
 
+use super::eight::Eight;
 use crate::constraint::Room;
 use crate::trace::Registers;
 use crate::tree::Machine;
 use crate::{ForwardDynamicsDerivatives, InverseDynamicsDerivatives, LANES, Scalar};
+use crate::{ForwardDynamicsGradient, InverseDynamicsGradient};
 
 /// Scratch memory of one mechanism for one thread. Make it with [`Mechanics::workspace`](crate::Mechanics::workspace).
 #[derive(Debug, Clone)]
@@ -32,6 +34,20 @@ pub struct Workspace {
     pub(crate) lane_matrix: DMatrix<f64>,
     /// Of which gradients are products, where they are not found without; made when first asked for.
     pub(crate) derivatives: Option<Box<Derivatives>>,
+    /// Of one of many states; made when first asked for.
+    pub(crate) gradients: Option<Box<Gradients>>,
+    /// Of many states whose equations are programs or dense.
+    pub(crate) eight: Eight,
+    pub(crate) lanes_matrix: Vec<[f64; LANES]>,
+    pub(crate) lanes_vector: DVector<[f64; LANES]>,
+}
+
+#[derive(Debug, Clone)]
+pub(crate) struct Gradients {
+    pub forward: ForwardDynamicsGradient,
+    pub inverse: InverseDynamicsGradient,
+    /// The row, nv entries.
+    pub weight: Vec<f64>,
 }
 
 #[derive(Debug, Clone)]
@@ -127,7 +143,22 @@ impl Workspace {
             },
             lane_matrix: DMatrix::zeros(nv, nv),
             derivatives: None,
+            gradients: None,
+            eight: Eight::default(),
+            lanes_matrix: Vec::new(),
+            lanes_vector: DVector::default(),
         }
+    }
+
+    /// Taken out, to be put back.
+    pub(crate) fn take_gradients(&mut self, nv: usize, np: usize) -> Box<Gradients> {
+        self.gradients.take().unwrap_or_else(|| {
+            Box::new(Gradients {
+                forward: ForwardDynamicsGradient::zeros(nv, np),
+                inverse: InverseDynamicsGradient::zeros(nv, np),
+                weight: vec![0.0; nv],
+            })
+        })
     }
 
     /// Taken out, to be put back.

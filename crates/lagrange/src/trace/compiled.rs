@@ -6,7 +6,9 @@ use super::derivative::{TooLarge, derivative, mark_arguments};
 use super::graph::{Graph, Id, Node};
 use super::program::Program;
 use super::traced::{Traced, trace, variable};
-use crate::{InverseDynamicsDerivatives, Lagrangian};
+use crate::lanes::{LANES, Lanes};
+use crate::processor::{Processor, Task};
+use crate::{InverseDynamicsDerivatives, Lagrangian, Scalar};
 
 /// A graph larger than this is given up.
 const MOST_NODES: usize = 60_000;
@@ -73,11 +75,27 @@ pub(crate) struct Registers {
 
 /// The arguments of the programs; what one does not read may be empty.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Arguments<'a> {
-    pub q: &'a [f64],
-    pub v: &'a [f64],
-    pub a: &'a [f64],
+pub(crate) struct Arguments<'a, T = f64> {
+    pub q: &'a [T],
+    pub v: &'a [T],
+    pub a: &'a [T],
     pub p: &'a [f64],
+}
+
+/// The registers of the programs for eight states, one program's at a time; they grow when they are first asked for.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct LaneRegisters(Vec<Lanes<true>>);
+
+struct RunLanes<'a> {
+    program: &'a Program,
+    lanes: &'a mut [Lanes<true>],
+}
+
+impl Task for RunLanes<'_> {
+    #[inline(always)]
+    fn run<const F: bool>(self) {
+        self.program.run_lanes::<F>(self.lanes);
+    }
 }
 
 impl Compiled {
@@ -165,18 +183,68 @@ impl Compiled {
     /// Whether a program is so short that on a tree of two joints nothing else is likely to be faster. The lengths are chosen from
     /// timings of the cart-pole and the double pendulum in `benches/robots.rs`.
     pub fn is_short(&self, quantity: Quantity) -> bool {
-        let (program, most) = match quantity {
-            Quantity::Mass => (&self.mass, 70),
-            Quantity::Gravity => (&self.gravity, 70),
-            Quantity::Momentum => (&self.momentum, 70),
-            Quantity::Coriolis => (&self.coriolis, 110),
-            Quantity::Terms => (&self.terms, 120),
-            Quantity::Bias => (&self.bias, 70),
-            Quantity::Force => (&self.force, 70),
-            Quantity::Equations => (&self.equations, 90),
-            Quantity::Derivatives => (&self.derivatives, 150),
+        let most = match quantity {
+            Quantity::Mass | Quantity::Gravity | Quantity::Momentum => 70,
+            Quantity::Bias | Quantity::Force => 70,
+            Quantity::Equations => 90,
+            Quantity::Coriolis => 110,
+            Quantity::Terms => 120,
+            Quantity::Derivatives => 150,
         };
-        program.len() <= most
+        self.of_quantity(quantity).len() <= most
+    }
+
+    fn of_quantity(&self, quantity: Quantity) -> &Program {
+        match quantity {
+            Quantity::Mass => &self.mass,
+            Quantity::Gravity => &self.gravity,
+            Quantity::Momentum => &self.momentum,
+            Quantity::Coriolis => &self.coriolis,
+            Quantity::Terms => &self.terms,
+            Quantity::Bias => &self.bias,
+            Quantity::Force => &self.force,
+            Quantity::Equations => &self.equations,
+            Quantity::Derivatives => &self.derivatives,
+        }
+    }
+
+    /// A quantity at eight states at once; its numbers go to the slots, one after the other.
+    pub fn lanes<'a>(
+        &self,
+        quantity: Quantity,
+        at: Arguments<[f64; LANES]>,
+        processor: Processor,
+        registers: &mut LaneRegisters,
+        slots: impl Iterator<Item = &'a mut [f64; LANES]>,
+    ) {
+        self.run_lanes(quantity, at, processor, registers);
+        let outputs = self.of_quantity(quantity).lane_outputs(&registers.0);
+        for (slot, output) in slots.zip(outputs) {
+            *slot = output;
+        }
+    }
+
+    /// Not generic, so that it is compiled once, in this crate.
+    fn run_lanes(
+        &self,
+        quantity: Quantity,
+        at: Arguments<[f64; LANES]>,
+        processor: Processor,
+        LaneRegisters(lanes): &mut LaneRegisters,
+    ) {
+        let (n, program) = (self.nv, self.of_quantity(quantity));
+        if lanes.len() < program.size() {
+            lanes.resize(program.size(), Lanes::constant(0.0));
+        }
+        for (first, values) in [(0, at.q), (n, at.v), (2 * n, at.a)] {
+            for (to, from) in lanes[first..].iter_mut().zip(values) {
+                *to = Lanes(*from);
+            }
+        }
+        for (to, from) in lanes[3 * n..].iter_mut().zip(at.p) {
+            *to = Lanes::constant(*from);
+        }
+        processor.run(RunLanes { program, lanes });
     }
 
     pub fn registers(&self) -> Registers {

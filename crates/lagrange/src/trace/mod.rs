@@ -13,7 +13,9 @@ mod graph;
 mod program;
 mod traced;
 
-pub(crate) use compiled::{Arguments, Compiled, Quantity, Registers, mass_depends_on_velocity};
+pub(crate) use compiled::{
+    Arguments, Compiled, LaneRegisters, Quantity, Registers, mass_depends_on_velocity,
+};
 pub use formulas::{Formulas, FormulasError, Style, Written};
 pub(crate) use graph::{Graph, Id, Node};
 pub(crate) use program::Program;

@@ -2,7 +2,9 @@
 
 use super::derivative::mark_arguments;
 use super::graph::{Graph, Id, Node};
+use crate::Scalar;
 use crate::expression::{Binary, Unary};
+use crate::lanes::{LANES, Lanes};
 
 /// Straight-line code. Registers: the inputs, the constants, then one result an instruction.
 ///
@@ -158,6 +160,58 @@ impl Program {
         }
     }
 
+    /// Runs the program on eight states at once, from inputs that stand in the first registers of `lanes`; writes the constants, too.
+    #[inline(always)]
+    pub fn run_lanes<const F: bool>(&self, lanes: &mut [Lanes<true>]) {
+        let mut to = self.inputs;
+        for constant in &self.constants {
+            lanes[to] = Lanes::constant(*constant);
+            to += 1;
+        }
+        let mut start = 0;
+        for run in &self.runs {
+            let operands = &self.operands[start..run.end as usize];
+            // Loops and no closures, which may be compiled without the instructions that are wanted here.
+            macro_rules! each {
+                ($result:ident = |$a:ident, $b:ident| $value:expr) => {
+                    for (k, &[a, b]) in operands.iter().enumerate() {
+                        let ($a, $b) = (at::<F>(lanes, a), at::<F>(lanes, b));
+                        let $result: Lanes<F> = $value;
+                        lanes[to + k] = Lanes($result.0);
+                    }
+                };
+            }
+            match run.kind {
+                Kind::Add => each!(x = |a, b| a + b),
+                Kind::Subtract => each!(x = |a, b| a - b),
+                Kind::Multiply => each!(x = |a, b| a * b),
+                Kind::Divide => each!(x = |a, b| a / b),
+                Kind::Negate => each!(x = |a, _b| -a),
+                Kind::One(Unary::Sin) => each!(x = |a, _b| a.sin_cos().0),
+                Kind::One(Unary::Cos) => each!(x = |a, _b| a.sin_cos().1),
+                Kind::One(Unary::Sqrt) => each!(x = |a, _b| a.sqrt()),
+                Kind::One(f) => each!(x = |a, _b| one_by_library(f, a)),
+                Kind::Two(f) => each!(x = |a, b| two_by_library(f, a, b)),
+                Kind::Powi => {
+                    for (k, &[a, n]) in operands.iter().enumerate() {
+                        let power = at::<F>(lanes, a).powi(n.cast_signed());
+                        lanes[to + k] = Lanes(power.0);
+                    }
+                }
+            }
+            to += operands.len();
+            start = run.end as usize;
+        }
+    }
+
+    /// The outputs of the last [`run_lanes`](Self::run_lanes), in the order they were asked for.
+    pub fn lane_outputs<'a>(
+        &'a self,
+        lanes: &'a [Lanes<true>],
+    ) -> impl Iterator<Item = [f64; LANES]> + 'a {
+        self.outputs.iter().map(|&o| lanes[o as usize].0)
+    }
+
     /// The outputs of the last [`run`](Self::run), in the order they were asked for.
     pub fn outputs<'a>(&'a self, registers: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         self.outputs.iter().map(|&o| registers[o as usize])
@@ -170,6 +224,24 @@ fn each((registers, to, operands): (&mut [f64], usize, &[[u32; 2]]), f: impl Fn(
     for (k, &[a, b]) in operands.iter().enumerate() {
         registers[to + k] = f(registers[a as usize], registers[b as usize]);
     }
+}
+
+/// Whatever the register was written with, its numbers.
+#[inline(always)]
+fn at<const F: bool>(lanes: &[Lanes<true>], register: u32) -> Lanes<F> {
+    Lanes(lanes[register as usize].0)
+}
+
+/// A call of its own, so that the loops of the common instructions stay short.
+#[inline(never)]
+fn one_by_library<const F: bool>(f: Unary, x: Lanes<F>) -> Lanes<F> {
+    f.of(x)
+}
+
+/// As [`one_by_library`].
+#[inline(never)]
+fn two_by_library<const F: bool>(f: Binary, x: Lanes<F>, y: Lanes<F>) -> Lanes<F> {
+    f.of(x, y)
 }
 
 /// The needed nodes that are computed, every one after its arguments: always the kind next of which most can be computed by now, and

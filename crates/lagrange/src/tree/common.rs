@@ -167,7 +167,14 @@ pub fn motion<D: Scalar, const LEVEL: u8>(
                 }
             }
         }
-        moved[i] = here;
+        let to = &mut moved[i];
+        (to.rotation, to.origin) = (here.rotation, here.origin);
+        if LEVEL >= VELOCITY {
+            to.velocity = here.velocity;
+        }
+        if LEVEL >= ACCELERATION {
+            to.acceleration = here.acceleration;
+        }
     }
 }
 
@@ -288,6 +295,18 @@ impl<D: Scalar> Sums<D> {
         sums
     }
 
+    /// As `other`, as far as `LEVEL` has it: what nobody reads is not written.
+    #[inline(always)]
+    fn set<const LEVEL: u8>(&mut self, other: &Self) {
+        (self.mass, self.moment, self.spread) = (other.mass, other.moment, other.spread);
+        if LEVEL >= VELOCITY {
+            (self.momentum, self.flow) = (other.momentum, other.flow);
+        }
+        if LEVEL >= ACCELERATION {
+            self.wrench = other.wrench;
+        }
+    }
+
     #[inline(always)]
     pub fn add<const LEVEL: u8>(&mut self, other: &Self) {
         self.mass = self.mass + other.mass;
@@ -372,10 +391,10 @@ pub fn composite<D: Scalar, const LEVEL: u8>(
     sums: &mut [Sums<D>],
 ) {
     for ((body, moved), sums) in plan.bodies.iter().zip(moved).zip(sums.iter_mut()) {
-        *sums = match state.factor(body) {
+        sums.set::<LEVEL>(&match state.factor(body) {
             Some(factor) => Sums::of::<LEVEL>(body, moved, factor),
             None => Sums::zero(),
-        };
+        });
     }
     for (i, body) in plan.bodies.iter().enumerate().rev() {
         if let Some(parent) = body.parent {

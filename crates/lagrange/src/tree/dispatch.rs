@@ -10,6 +10,7 @@ use super::state::State;
 use super::vector::Spatial;
 use crate::Scalar;
 use crate::lanes::{LANES, Lanes, Single};
+use crate::processor::{PLAIN_IS_FUSED, Processor};
 
 /// Up to this many degrees of freedom forward dynamics by the factor of M is faster than by articulated bodies.
 pub const FEW: usize = 8;
@@ -61,6 +62,8 @@ pub struct Memory<const FUSED: bool> {
     pub eight: TreeMemory<Lanes<FUSED>>,
     /// −∂Q/∂q, −∂Q/∂v and 1 side by side, row after row: the right-hand sides of one state's derivatives.
     pub sides: Vec<Lanes<FUSED>>,
+    /// The same of eight states; room for it is made when it is first asked for.
+    pub wide: Vec<Lanes<FUSED>>,
 }
 
 impl<const FUSED: bool> Memory<FUSED> {
@@ -69,6 +72,15 @@ impl<const FUSED: bool> Memory<FUSED> {
             one: TreeMemory::new(plan, true),
             eight: TreeMemory::new(plan, false),
             sides: vec![Lanes::constant(0.0); plan.dofs.len() * Sides::<FUSED>::width(plan)],
+            wide: Vec::new(),
+        }
+    }
+
+    fn grow(&mut self, plan: &Plan, wide: bool) {
+        let n = plan.dofs.len();
+        self.eight.mass.resize(n * n, Lanes::constant(0.0));
+        if wide {
+            self.wide.resize(3 * n * n, Lanes::constant(0.0));
         }
     }
 }
@@ -76,15 +88,21 @@ impl<const FUSED: bool> Memory<FUSED> {
 /// What a number is outside of the algorithms: of one state, or of eight.
 pub trait Width: nalgebra::Scalar + Copy + Default + Send + Sync {
     type Number<const FUSED: bool>: Scalar;
+    const IS_EIGHT: bool;
     fn memory<const FUSED: bool>(
         memory: &mut Memory<FUSED>,
     ) -> &mut TreeMemory<Self::Number<FUSED>>;
     fn lift<const FUSED: bool>(self) -> Self::Number<FUSED>;
     fn drop<const FUSED: bool>(x: Self::Number<FUSED>) -> Self;
+    fn negated(self) -> Self;
 }
 
 impl Width for f64 {
     type Number<const FUSED: bool> = Single<FUSED>;
+    const IS_EIGHT: bool = false;
+    fn negated(self) -> Self {
+        -self
+    }
     #[inline(always)]
     fn memory<const FUSED: bool>(
         memory: &mut Memory<FUSED>,
@@ -103,6 +121,10 @@ impl Width for f64 {
 
 impl Width for [f64; LANES] {
     type Number<const FUSED: bool> = Lanes<FUSED>;
+    const IS_EIGHT: bool = true;
+    fn negated(self) -> Self {
+        self.map(|x| -x)
+    }
     #[inline(always)]
     fn memory<const FUSED: bool>(
         memory: &mut Memory<FUSED>,
@@ -137,9 +159,6 @@ pub enum Machine {
     Plain(Box<Memory<PLAIN_IS_FUSED>>),
 }
 
-/// AArch64 has fused products throughout.
-const PLAIN_IS_FUSED: bool = cfg!(target_arch = "aarch64");
-
 #[cfg(target_arch = "x86_64")]
 struct Vectorized<'a, K> {
     kernel: K,
@@ -158,16 +177,22 @@ impl<K: Kernel> pulp::NullaryFnOnce for Vectorized<'_, K> {
 
 impl Machine {
     pub fn new(plan: &Plan) -> Self {
-        #[cfg(target_arch = "x86_64")]
-        {
-            if let Some(v4) = pulp::x86::V4::try_new() {
-                return Machine::V4(v4, Box::new(Memory::new(plan)));
-            }
-            if let Some(v3) = pulp::x86::V3::try_new() {
-                return Machine::V3(v3, Box::new(Memory::new(plan)));
-            }
+        match Processor::here() {
+            #[cfg(target_arch = "x86_64")]
+            Processor::V4(v4) => Machine::V4(v4, Box::new(Memory::new(plan))),
+            #[cfg(target_arch = "x86_64")]
+            Processor::V3(v3) => Machine::V3(v3, Box::new(Memory::new(plan))),
+            Processor::Plain => Machine::plain(plan),
         }
-        Machine::plain(plan)
+    }
+
+    /// Room for what only some calls for eight states need: the factor of M, and with `wide` their derivatives.
+    pub fn grow(&mut self, plan: &Plan, wide: bool) {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Machine::V4(_, memory) | Machine::V3(_, memory) => memory.grow(plan, wide),
+            Machine::Plain(memory) => memory.grow(plan, wide),
+        }
     }
 
     /// Without the instructions that only some processors have.

@@ -9,7 +9,7 @@ use super::dispatch::{Kernel, Memory, TreeMemory, Width};
 use super::gradient::Weighed;
 use super::inverse_dynamics::Link;
 use super::plan::Plan;
-use super::sink::{self, Columns, Sides};
+use super::sink::{self, Columns, Sides, Wide};
 use super::state::State;
 use super::{articulated, derivatives, factor, gradient, inverse_dynamics, matrices, momentum};
 use crate::Scalar;
@@ -120,7 +120,7 @@ impl<T: Width> Kernel for MassMatrix<'_, T> {
     fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
         let memory = self.at.load::<F>(plan, memory);
         let (axes, sums) = memory.compose::<POSITION>(plan);
-        let mut out = sink::Mass::<T, F>(Columns::new(plan, self.mass));
+        let mut out = sink::Mass::<T, F>(Columns::square(plan, self.mass));
         matrices::mass_matrix(plan, axes, sums, &mut out);
     }
 }
@@ -180,8 +180,8 @@ impl<T: Width> Kernel for Equations<'_, T> {
         let gravity = gravity(plan, &memory.state);
         let (axes, sums) = memory.compose::<VELOCITY>(plan);
         let mut out = sink::Terms::<T, F> {
-            mass: Columns::new(plan, self.mass),
-            coriolis: Columns::new(plan, self.coriolis),
+            mass: Columns::square(plan, self.mass),
+            coriolis: Columns::square(plan, self.coriolis),
             gravity: Columns::new(plan, self.gravity),
         };
         matrices::mass_and_coriolis(plan, axes, sums, &mut out);
@@ -200,7 +200,7 @@ impl<T: Width> Kernel for CoriolisMatrix<'_, T> {
     fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
         let memory = self.at.load::<F>(plan, memory);
         let (axes, sums) = memory.compose::<VELOCITY>(plan);
-        let mut out = sink::Coriolis::<T, F>(Columns::new(plan, self.coriolis));
+        let mut out = sink::Coriolis::<T, F>(Columns::square(plan, self.coriolis));
         matrices::mass_and_coriolis(plan, axes, sums, &mut out);
     }
 }
@@ -321,8 +321,8 @@ impl<T: Width> Kernel for InverseDerivatives<'_, T> {
         let (axes, sums) = memory.compose::<ACCELERATION>(plan);
         let mut out = sink::Derivatives::<T, F> {
             plan,
-            by_q: Columns::new(plan, self.by_q),
-            by_v: Columns::new(plan, self.by_v),
+            by_q: Columns::square(plan, self.by_q),
+            by_v: Columns::square(plan, self.by_v),
         };
         derivatives::inverse_dynamics(plan, axes, sums, &mut out);
     }
@@ -378,25 +378,71 @@ impl Kernel for ForwardDerivatives<'_> {
     }
 }
 
-/// ∂Q/∂p of the inverse dynamics in some factors on masses, one column each: what the body's own wrench does along the joints
-/// that carry it.
-pub struct ByMassScale<'a> {
-    pub at: At<'a, f64>,
-    pub a: &'a [f64],
-    pub constants: &'a [usize],
-    pub out: &'a mut [f64],
+/// [`ForwardDerivatives`] of eight states, in memory that has [grown](super::Machine::grow).
+pub struct ForwardDerivativesOfEight<'a> {
+    pub at: At<'a, [f64; LANES]>,
+    /// Q, and afterwards v̇.
+    pub force: &'a mut [[f64; LANES]],
+    pub by_q: &'a mut [[f64; LANES]],
+    pub by_v: &'a mut [[f64; LANES]],
+    pub by_force: &'a mut [[f64; LANES]],
 }
 
-impl Kernel for ByMassScale<'_> {
+impl Kernel for ForwardDerivativesOfEight<'_> {
+    #[inline(always)]
+    fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
+        let n = plan.dofs.len();
+        self.at.load::<F>(plan, memory);
+        let Memory { eight, wide, .. } = memory;
+        let TreeMemory {
+            state,
+            links,
+            moved,
+            axes,
+            sums,
+            force,
+            mass,
+            rows,
+            ..
+        } = eight;
+        load::<[f64; LANES], F>(force, self.force);
+        accelerate(plan, state, (links, moved, axes, sums), (mass, rows), force);
+        store::<[f64; LANES], F>(self.force, &state.a);
+        motion::<_, ACCELERATION>(plan, state, moved, axes);
+        composite::<_, ACCELERATION>(plan, state, moved, sums);
+        let mut out = Wide::<F>::new(plan, wide);
+        derivatives::inverse_dynamics(plan, axes, sums, &mut out);
+        factor::solve(plan, mass, wide, 3 * n);
+        for (i, row) in plan.dofs.iter().zip(wide.chunks_exact(3 * n)) {
+            for (k, j) in plan.dofs.iter().enumerate() {
+                let to = j.v * n + i.v;
+                self.by_q[to] = row[k].0;
+                self.by_v[to] = row[n + k].0;
+                self.by_force[to] = row[2 * n + k].0;
+            }
+        }
+    }
+}
+
+/// ∂Q/∂p of the inverse dynamics in some factors on masses, one column each: what the body's own wrench does along the joints
+/// that carry it.
+pub struct ByMassScale<'a, T> {
+    pub at: At<'a, T>,
+    pub a: &'a [T],
+    pub constants: &'a [usize],
+    pub out: &'a mut [T],
+}
+
+impl<T: Width> Kernel for ByMassScale<'_, T> {
     #[inline(always)]
     fn run<const F: bool>(self, plan: &Plan, memory: &mut Memory<F>) {
         let memory = self.at.load::<F>(plan, memory);
-        load::<f64, F>(&mut memory.state.a, self.a);
+        load::<T, F>(&mut memory.state.a, self.a);
         let TreeMemory {
             state, moved, axes, ..
         } = memory;
         motion::<_, ACCELERATION>(plan, state, moved, axes);
-        self.out.fill(0.0);
+        self.out.fill(T::default());
         for (i, body) in plan.bodies.iter().enumerate() {
             let wanted = |c: &usize| Some(*c) == body.parameter;
             let Some(column) = self.constants.iter().position(wanted) else {
@@ -408,7 +454,7 @@ impl Kernel for ByMassScale<'_> {
                 let dof = &plan.dofs[j];
                 let entry = axes[j].s.dot(&alone.wrench) * dof.ratio;
                 let to = &mut self.out[column * plan.nv + dof.v];
-                *to += f64::drop(entry);
+                *to = T::drop(to.lift::<F>() + entry);
                 at = dof.above;
             }
         }

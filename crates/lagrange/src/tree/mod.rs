@@ -36,7 +36,7 @@ mod state;
 pub mod vector;
 
 pub use dispatch::Machine;
-pub use engine::Engine;
+pub use engine::{Algorithms, Engine};
 pub use factor::LEAST_PIVOT;
 pub use general::equations;
 pub use kernels::At;

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
 
 use super::common::{ACCELERATION, Moved, motion};
 use super::dispatch::{Kernel, Memory, TreeMemory, Width};
-use super::engine::Engine;
+use super::engine::{Algorithms, Engine};
 use super::kernels::{At, load};
 use super::plan::Plan;
 use super::vector::{

@@ -44,6 +44,27 @@ impl<'a, T: Width, const F: bool> Columns<'a, T, F> {
         }
     }
 
+    /// A square matrix. Of eight states, only what stays 0 is written beforehand.
+    #[inline(always)]
+    pub fn square(plan: &Plan, entries: &'a mut [T]) -> Self {
+        if !(T::IS_EIGHT && plan.independent) {
+            return Self::new(plan, entries);
+        }
+        for (k, dof) in plan.dofs.iter().enumerate() {
+            for other in &plan.dofs[..k] {
+                if other.end <= k {
+                    entries[dof.v * plan.nv + other.v] = T::default();
+                    entries[other.v * plan.nv + dof.v] = T::default();
+                }
+            }
+        }
+        Columns {
+            entries,
+            rows: plan.nv,
+            once: true,
+        }
+    }
+
     #[inline(always)]
     fn add(&mut self, row: usize, column: usize, entry: T::Number<F>) {
         let to = &mut self.entries[column * self.rows + row];
@@ -158,5 +179,34 @@ impl<const F: bool> Sink<Single<F>> for Sides<'_, F> {
     #[inline(always)]
     fn by_v(&mut self, row: usize, column: usize, entry: Single<F>) {
         *self.at(row, self.count + column) = -entry.0;
+    }
+}
+
+/// [`Sides`] of eight states: a row is 3 n numbers, and each of them eight.
+pub struct Wide<'a, const F: bool> {
+    rows: &'a mut [Lanes<F>],
+    count: usize,
+}
+
+impl<'a, const F: bool> Wide<'a, F> {
+    #[inline(always)]
+    pub fn new(plan: &Plan, rows: &'a mut [Lanes<F>]) -> Self {
+        rows.fill(Lanes::constant(0.0));
+        let count = plan.dofs.len();
+        for k in 0..count {
+            rows[k * 3 * count + 2 * count + k] = Lanes::constant(1.0);
+        }
+        Wide { rows, count }
+    }
+}
+
+impl<const F: bool> Sink<Lanes<F>> for Wide<'_, F> {
+    #[inline(always)]
+    fn by_q(&mut self, row: usize, column: usize, entry: Lanes<F>) {
+        self.rows[row * 3 * self.count + column] = -entry;
+    }
+    #[inline(always)]
+    fn by_v(&mut self, row: usize, column: usize, entry: Lanes<F>) {
+        self.rows[(row * 3 + 1) * self.count + column] = -entry;
     }
 }
