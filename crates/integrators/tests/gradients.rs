@@ -815,6 +815,50 @@ fn what_cannot_be_derived_is_refused() {
 }
 
 #[test]
+fn one_workspace_serves_systems_of_several_sizes() {
+    let (small, large) = (
+        DualOde::<_, 1>::new(2, DualPendulum, vec![9.0, 0.3]),
+        DualOde::<_, 1>::new(2, DualPendulum, vec![9.0, 0.3, 7.0]),
+    );
+    let (t, u) = (times(4, 0.4), inputs::<1>(4, 2.0));
+    let swing = Schedule {
+        times: &t,
+        inputs: &u,
+        substeps: 5,
+    };
+    let loss = |_k: usize, x: &[f64], by: &mut [f64]| {
+        by[0] = 1.0;
+        x[0]
+    };
+    let mut adjoint = Adjoint::new(&small, Rk4::default());
+    let mut sensitivity = Sensitivity::new(&small, Rk4::default());
+    let (mut of_small, mut of_large) = (RollOutGradient::default(), RollOutGradient::default());
+    let start = [1.2, -0.4];
+    adjoint
+        .gradient(&small, swing, &start, loss, &mut of_small)
+        .unwrap();
+    adjoint
+        .gradient(&large, swing, &start, loss, &mut of_large)
+        .unwrap();
+    assert_eq!(of_small.initial, of_large.initial);
+    assert_eq!(of_small.parameters, of_large.parameters[..2]);
+    // A constant that does nothing.
+    assert_eq!(of_large.parameters[2], 0.0);
+    let mut widths = Vec::new();
+    for system in [&small, &large] {
+        let columns = Column::initial_and_parameters(system);
+        sensitivity
+            .roll_out(system, swing, &start, &columns, |k, _x, by| {
+                if k == 3 {
+                    widths.push(by.ncols());
+                }
+            })
+            .unwrap();
+    }
+    assert_eq!(widths, [4, 5]);
+}
+
+#[test]
 fn one_sample_has_its_loss_alone() {
     let pendulum = Pendulum::new();
     let mut out = RollOutGradient::default();

@@ -135,7 +135,7 @@ where
     /// `loss(k, x_k, by)` returns ℓ_k and writes its derivative along the directions of motion, ∂ℓ_k(x_k ⊕ ξ)/∂ξ at ξ = 0, to `by`, which
     /// is zero before. It is called once for every sample, from the last one to the first; the sum is taken in this order.
     ///
-    /// The system must be the one that this adjoint was made for, or one with the same sizes.
+    /// A system of other sizes than the one that this adjoint was made for is given new memory.
     ///
     /// # Errors
     /// Those of [`roll_out`](crate::roll_out), and [`GradientError::NotFinite`]; `out` is then of no use.
@@ -152,6 +152,12 @@ where
         if found != expected {
             return Err(RollOutError::Initial { found, expected }.into());
         }
+        if !self.fits(system) {
+            *self = Self {
+                budget: self.budget,
+                ..Self::new(system, self.method.clone())
+            };
+        }
         let shape = (system.input_count(), schedule.intervals());
         if out.inputs.shape() != shape {
             out.inputs = DMatrix::zeros(shape.0, shape.1);
@@ -166,6 +172,15 @@ where
         out.parameters.clone_from(&self.reverse.by.parameters);
         check_gradient(value, out)?;
         Ok(value)
+    }
+
+    /// Whether the memory has the sizes of a system.
+    fn fits(&self, system: &S) -> bool {
+        let (space, by) = (system.space(), &self.reverse.by);
+        self.x.len() == space.dim()
+            && by.state.len() == space.tangent_dim()
+            && by.input.len() == system.input_count()
+            && by.parameters.len() == system.parameter_count()
     }
 
     /// Forwards in segments and back.

@@ -40,7 +40,7 @@ impl<'a, U> Schedule<'a, U> {
 
     /// Steps of the whole roll-out.
     pub fn steps(&self) -> usize {
-        self.intervals() * self.substeps
+        self.intervals().saturating_mul(self.substeps)
     }
 
     /// Some steps of the whole roll-out, by their numbers, interval after interval, with the numbers that
@@ -62,7 +62,8 @@ impl<'a, U> Schedule<'a, U> {
                 from,
                 h: (to - from) / self.substeps as f64,
                 u: &self.inputs[interval],
-                steps: steps.start.max(first) - first..steps.end.min(first + self.substeps) - first,
+                steps: steps.start.max(first) - first
+                    ..steps.end.min(first.saturating_add(self.substeps)) - first,
             }
         })
     }

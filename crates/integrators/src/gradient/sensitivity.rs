@@ -102,7 +102,7 @@ where
     /// Rolls out from `initial` and calls `at_sample(k, x_k, ∂x_k/∂columns)` at every sample, the first one included; the matrix has nt
     /// rows and a column for each of `columns`.
     ///
-    /// The system must be the one that this was made for, or one with the same sizes.
+    /// A system of other sizes than the one that this was made for is given new memory.
     ///
     /// # Errors
     /// Those of [`roll_out`](crate::roll_out), [`GradientError::Column`] before the first step, and [`GradientError::NotFinite`].
@@ -123,6 +123,9 @@ where
             return Ok(());
         };
         check_columns(system, schedule.intervals(), columns)?;
+        if !self.fits(system) {
+            *self = Self::new(system, self.method.clone());
+        }
         check_finite(start, initial)?;
         self.x.copy_from_slice(initial);
         let nt = system.space().tangent_dim();
@@ -152,6 +155,18 @@ where
             at_sample(held.interval + 1, &self.x, &self.by);
         }
         Ok(())
+    }
+
+    /// Whether the memory has the sizes of a system.
+    fn fits(&self, system: &S) -> bool {
+        let nt = system.space().tangent_dim();
+        let sizes = |by: &Jacobian| (by.state.nrows(), by.input.ncols(), by.parameters.ncols());
+        self.x.len() == system.space().dim()
+            && self
+                .stages
+                .by
+                .iter()
+                .all(|by| sizes(by) == (nt, system.input_count(), system.parameter_count()))
     }
 
     /// All columns from the beginning of a step to its end.
@@ -214,7 +229,7 @@ where
         c: usize,
         column: &Column,
     ) {
-        let nt = self.x_tangent();
+        let nt = self.state.len();
         self.sum.fill(0.0);
         for i in 0..M::LINKS.len() {
             let eta = self.by.column(c);
@@ -250,10 +265,6 @@ where
             self.state.as_mut_slice(),
         );
         self.by.column_mut(c).copy_from(&self.state);
-    }
-
-    fn x_tangent(&self) -> usize {
-        self.state.len()
     }
 }
 
