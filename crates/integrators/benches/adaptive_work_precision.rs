@@ -459,6 +459,89 @@ fn main() {
         only,
     ));
 
+    // What follows was not looked at while the constants of the changes were chosen.
+    for epsilon in [1e-4, 1e-5] {
+        let name = format!("van der Pol, ε = {epsilon:e}");
+        problem!(&name, VanDerPol { epsilon }, 2.0, [1.0; 2]);
+    }
+    // Prothero and Robinson: ẏ = −λ (y − cos t) − sin t with y = cos t; time is the second coordinate.
+    let prothero = plain(
+        2,
+        |_t, y: &[f64], dy: &mut [f64]| {
+            dy[0] = -1e4 * (y[0] - y[1].cos()) - y[1].sin();
+            dy[1] = 1.0;
+        },
+        |_t, y: &[f64], set: &mut dyn FnMut(usize, usize, f64)| {
+            set(0, 0, -1e4);
+            set(0, 1, -1e4 * y[1].sin() - y[1].cos());
+        },
+    );
+    table.extend(measure(
+        "Prothero and Robinson",
+        &prothero,
+        &[1.0, 0.0],
+        10.0,
+        &[1.0; 2],
+        Some(vec![10.0_f64.cos(), 10.0]),
+        &mut json,
+        only,
+    ));
+    // Hairer and Wanner II, IV.10, on a coarser grid: the Brusselator with diffusion on 16 points, α (N + 1)² = 5.78.
+    const POINTS: usize = 16;
+    let diffusion = 0.02 * ((POINTS + 1) * (POINTS + 1)) as f64;
+    let brusselator = plain(
+        2 * POINTS,
+        move |_t, y: &[f64], dy: &mut [f64]| {
+            for i in 0..POINTS {
+                let (u, v) = (y[i], y[POINTS + i]);
+                let side = |at: usize, edge: f64| -> f64 {
+                    let left = if i == 0 { edge } else { y[at - 1] };
+                    let right = if i + 1 == POINTS { edge } else { y[at + 1] };
+                    diffusion * (left - 2.0 * y[at] + right)
+                };
+                dy[i] = 1.0 + u * u * v - 4.0 * u + side(i, 1.0);
+                dy[POINTS + i] = 3.0 * u - u * u * v + side(POINTS + i, 3.0);
+            }
+        },
+        move |_t, y: &[f64], set: &mut dyn FnMut(usize, usize, f64)| {
+            for i in 0..POINTS {
+                let (u, v) = (y[i], y[POINTS + i]);
+                set(i, i, 2.0 * u * v - 4.0 - 2.0 * diffusion);
+                set(i, POINTS + i, u * u);
+                set(POINTS + i, i, 3.0 - 2.0 * u * v);
+                set(POINTS + i, POINTS + i, -u * u - 2.0 * diffusion);
+                for base in [0, POINTS] {
+                    if i > 0 {
+                        set(base + i, base + i - 1, diffusion);
+                    }
+                    if i + 1 < POINTS {
+                        set(base + i, base + i + 1, diffusion);
+                    }
+                }
+            }
+        },
+    );
+    let start: Vec<f64> = (0..2 * POINTS)
+        .map(|i| {
+            let place = (i + 1) as f64 / (POINTS + 1) as f64;
+            if i < POINTS {
+                1.0 + (std::f64::consts::TAU * place).sin()
+            } else {
+                3.0
+            }
+        })
+        .collect();
+    table.extend(measure(
+        "Brusselator, 16 points",
+        &brusselator,
+        &start,
+        10.0,
+        &[1.0; 2 * POINTS],
+        None,
+        &mut json,
+        only,
+    ));
+
     println!("\n| problem | work, mean | work, worst | time, mean | time, worst |");
     println!("|---|---|---|---|---|");
     for (name, work, time) in table {

@@ -5,7 +5,7 @@ use diffsol::{DiffsolError, NalgebraContext, OdeBuilder, OdeSolverProblem, Vecto
 
 use super::engine::{Point, Solver};
 use super::equations::{Equations, FARTHEST, Matrix64, Vector64};
-use super::stiffness::Watch;
+use super::stiffness::{STEP, Watch, jacobian_cost};
 use super::{AdaptiveError, ArgumentError, Method, Settings, Statistics, Switch};
 use crate::{Differentiable, Space};
 
@@ -13,11 +13,6 @@ use crate::{Differentiable, Space};
 const NEAR: f64 = 0.5;
 /// The same for backward differences, which lose their past by it.
 const FAR: f64 = 2.0;
-
-/// What a Jacobian costs, in evaluations, for `n` directions of motion: a forward pass of derivatives.
-fn jacobian_cost(n: usize) -> f64 {
-    1.0 + 0.5 * n as f64
-}
 
 /// Inputs of a roll-out.
 #[derive(Debug, Clone, Copy)]
@@ -549,7 +544,8 @@ impl<'p, 's, S: Differentiable> Run<'p, 's, S> {
 
     fn judge(&mut self, made: f64, (evaluations, jacobians): (usize, usize)) {
         let inner = self.problem.eqn.inner.borrow();
-        let cost = (inner.evaluations - evaluations) as f64
+        let cost = STEP
+            + (inner.evaluations - evaluations) as f64
             + jacobian_cost(self.y.len()) * (inner.jacobians - jacobians) as f64;
         self.next = if self.method == Method::Tsit5 {
             self.watch
