@@ -6,6 +6,7 @@
 mod systems;
 
 use std::convert::Infallible;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use integrators::gradient::{
     Adjoint, Column, DualOde, DualRate, Explicit, GradientError, RollOutGradient, Schedule,
@@ -814,6 +815,149 @@ fn what_cannot_be_derived_is_refused() {
     );
 }
 
+/// Mathieu's equation ẍ = −(p₀ + p₁ cos 2t) x + u, which depends on time.
+struct Mathieu;
+
+impl DualRate for Mathieu {
+    type Error = Infallible;
+    fn rate<D: DualNum<Primitive = f64> + Copy>(
+        &self,
+        t: f64,
+        x: &[D],
+        u: &[D],
+        p: &[D],
+        dx: &mut [D],
+    ) -> Result<(), Infallible> {
+        dx[0] = x[1];
+        dx[1] = -((p[0] + p[1] * (2.0 * t).cos()) * x[0]) + u[0];
+        Ok(())
+    }
+}
+
+#[test]
+fn stages_are_derived_at_their_times() {
+    let (t, u) = (times(9, 0.4), inputs::<1>(9, 2.0));
+    let (p, start) = ([1.3, 0.8], [0.5, -0.2]);
+    let mathieu = DualOde::new(2, Mathieu, p.to_vec());
+    let schedule = Schedule {
+        times: &t,
+        inputs: &u,
+        substeps: 7,
+    };
+    let (states, by) = forwards(&mathieu, Rk4::default(), schedule, &start);
+    assert_eq!(
+        states,
+        roll_out(&mathieu, Rk4::default(), &t, &u, 7, &start).unwrap()
+    );
+    backwards_is_forwards("Mathieu", &mathieu, Rk4::default(), schedule, &start);
+    backwards_is_forwards(
+        "Mathieu, Heun's",
+        &mathieu,
+        Heun::default(),
+        schedule,
+        &start,
+    );
+    for c in 0..by[0].ncols() {
+        let (mut x, p, u) = seeded(c, (&start, &p, &u), |value| Dual64::new(value, 1.0));
+        let mut rk4 = Rk4::new(2);
+        for (k, u) in u.iter().enumerate() {
+            let h = (t[k + 1] - t[k]) / 7.0;
+            for i in 0..7 {
+                let from = t[k] + f64::from(i) * h;
+                let Ok(()) = rk4.step(from, h, &mut x, |t, x, dx| Mathieu.rate(t, x, u, &p, dx));
+            }
+            let dual: Vec<f64> = x.iter().map(|x| x.eps).collect();
+            let found: Vec<f64> = by[k + 1].column(c).iter().copied().collect();
+            if dual.iter().any(|&x| x != 0.0) {
+                assert!(relative(&dual, &found) < 1e-12, "column {c}, sample {k}");
+            }
+        }
+    }
+}
+
+/// A pendulum that counts the calls of its rate and of its derivative backwards.
+struct Counted {
+    pendulum: Pendulum,
+    rates: AtomicUsize,
+    backwards: AtomicUsize,
+}
+
+impl System for Counted {
+    type Space = integrators::Flat;
+    type Input = [f64; 1];
+    type Memory = ();
+    type Error = Infallible;
+    fn space(&self) -> &integrators::Flat {
+        &self.pendulum.space
+    }
+    fn memory(&self) {}
+    fn rate(
+        &self,
+        t: f64,
+        x: &[f64],
+        u: &[f64; 1],
+        memory: &mut (),
+        dx: &mut [f64],
+    ) -> Result<(), Infallible> {
+        self.rates.fetch_add(1, Ordering::Relaxed);
+        self.pendulum.rate(t, x, u, memory, dx)
+    }
+}
+
+impl Differentiable for Counted {
+    fn input_count(&self) -> usize {
+        1
+    }
+    fn parameter_count(&self) -> usize {
+        2
+    }
+    fn linearize(
+        &self,
+        at: (f64, &[f64], &[f64; 1]),
+        memory: &mut (),
+        dx: &mut [f64],
+        by: &mut Jacobian,
+    ) -> Result<(), Infallible> {
+        self.pendulum.linearize(at, memory, dx, by)
+    }
+    fn pull_back(
+        &self,
+        at: (f64, &[f64], &[f64; 1]),
+        memory: &mut (),
+        weight: &[f64],
+        dx: &mut [f64],
+        by: &mut Gradient,
+    ) -> Result<(), Infallible> {
+        self.backwards.fetch_add(1, Ordering::Relaxed);
+        self.pendulum.pull_back(at, memory, weight, dx, by)
+    }
+}
+
+#[test]
+fn steps_are_run_again_as_seldom_as_the_memory_allows() {
+    const STEPS: usize = 8_000;
+    let times = [0.0, 8.0];
+    let schedule = Schedule {
+        times: &times,
+        inputs: &[[0.1]],
+        substeps: STEPS,
+    };
+    // The stages of a step are 8 numbers, a kept state 3. 80 000 numbers hold all stages; 4000 those of 400 steps and 20 states; 200
+    // those of a dozen steps and 33 states: 667 segments are more than β(34, 1) = 35 and more than β(34, 2) = 630.
+    for (numbers, most) in [(80_000, 1.0), (4_000, 2.0), (200, 4.0)] {
+        let counted = Counted {
+            pendulum: Pendulum::new(),
+            rates: AtomicUsize::new(0),
+            backwards: AtomicUsize::new(0),
+        };
+        backwards(&counted, Rk4::default(), schedule, &[1.2, 0.0], 8 * numbers);
+        let runs = counted.rates.into_inner() as f64 / (4 * STEPS) as f64;
+        eprintln!("{numbers} numbers: every step is run {runs:.2} times");
+        assert!((1.0..=most).contains(&runs), "{numbers}: {runs}");
+        assert_eq!(counted.backwards.into_inner(), 4 * STEPS);
+    }
+}
+
 #[test]
 fn one_workspace_serves_systems_of_several_sizes() {
     let (small, large) = (
@@ -880,7 +1024,7 @@ fn one_sample_has_its_loss_alone() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn the_budget_does_not_change_a_bit(
