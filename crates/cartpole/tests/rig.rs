@@ -157,6 +157,7 @@ fn stuck_cart_stays_at_rest_below_breakaway_and_moves_above() {
 #[test]
 fn sliding_cart_comes_to_rest_when_and_where_coulomb_says() {
     /// A cart without a pole to disturb it.
+    #[derive(Clone)]
     struct Block;
     impl Plant for Block {
         fn mass_and_bias(&mut self, _: [f64; 2], _: [f64; 2]) -> ([[f64; 2]; 2], [f64; 2]) {

@@ -1,5 +1,7 @@
 //! What acts on the rig's joints beside M, C and G: the rig's own formulas, written for simulating the truth and for nothing else.
 
+use integrators::event::Direction;
+
 use super::{Error, Hidden, Target};
 use crate::config::Known;
 
@@ -54,43 +56,16 @@ impl DryFriction {
         self.against_positive == 0.0 && self.against_negative == 0.0 && self.stribeck == 0.0
     }
 
-    /// Q on a body that slides at v in the given direction (v may be 0 at the start of the slide): negative for the positive
-    /// direction.
-    pub fn sliding(&self, direction: Direction, v: f64) -> f64 {
+    /// The size of Q on a body that slides in the given direction with the speed |v|; at speed 0, what rest holds.
+    pub fn size(&self, direction: Direction, speed: f64) -> f64 {
         let hump = if self.stribeck == 0.0 {
             0.0
         } else {
-            self.stribeck * (-(v / self.stribeck_velocity).powi(2)).exp()
+            self.stribeck * (-(speed / self.stribeck_velocity).powi(2)).exp()
         };
         match direction {
-            Direction::Positive => -(self.against_positive + hump),
+            Direction::Positive => self.against_positive + hump,
             Direction::Negative => self.against_negative + hump,
-        }
-    }
-
-    /// Whether friction at rest can supply Q = `reaction`.
-    pub fn holds(&self, reaction: f64) -> bool {
-        let least = self.sliding(Direction::Positive, 0.0);
-        let most = self.sliding(Direction::Negative, 0.0);
-        (least..=most).contains(&reaction)
-    }
-}
-
-/// The sense in which a joint slides.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Direction {
-    /// v > 0.
-    Positive,
-    /// v < 0.
-    Negative,
-}
-
-impl Direction {
-    /// +1 or −1.
-    pub fn sign(self) -> f64 {
-        match self {
-            Direction::Positive => 1.0,
-            Direction::Negative => -1.0,
         }
     }
 }

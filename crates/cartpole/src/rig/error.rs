@@ -1,6 +1,9 @@
 //! What can go wrong on the rig.
 
+use std::convert::Infallible;
 use std::path::{Path, PathBuf};
+
+use integrators::event::ContactError;
 
 /// An error of the rig.
 #[derive(Debug, thiserror::Error)]
@@ -33,6 +36,9 @@ pub enum Error {
         /// Why.
         source: lagrange::Error,
     },
+    /// The motion has no solution.
+    #[error("{0}")]
+    Motion(ContactError<Infallible>),
     /// The cart has come to the end of its rail.
     #[error(
         "the cart is at x = {position} m at t = {time} s, beyond the rail's limit of ±{limit} m: \

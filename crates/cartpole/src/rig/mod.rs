@@ -1,8 +1,8 @@
 //! The virtual test rig: logs of a cart-pole with a hidden effect.
 //!
-//! The rig is the truth against which the missing-physics workflow is judged. It has its own effects, its own dry friction that
-//! really sticks, its own integrator with steps of half a millisecond, its own sensors and a hand at the input; it shares M, C and G with the
-//! rest of the project, and nothing else.
+//! The rig is the truth against which the missing-physics workflow is judged. It has its own effects, with dry friction that really
+//! sticks, its own sensors and a hand at the input. It shares M, C and G with the rest of the project, and the stepping from event to
+//! event, half a millisecond at most at a time, of [`integrators::event`], which no fit uses.
 //!
 //! ```no_run
 //! use cartpole::{config::Config, rig};

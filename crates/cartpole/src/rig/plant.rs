@@ -1,21 +1,23 @@
 //! M(q) and C v + G of the cart-pole, all that the rig takes from the crate `lagrange`.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use lagrange::{Dynamics, Mechanics, Workspace, urdf};
 use nalgebra::{DMatrix, DVector};
 
 use super::Error;
 
-/// A mechanism with the two coordinates `slider` (m) and `pole` (rad): M v̇ + b(q, v) = Q.
-pub trait Plant {
+/// A mechanism with the two coordinates `slider` (m) and `pole` (rad): M v̇ + b(q, v) = Q. A clone has its own memory.
+pub trait Plant: Clone + Send + Sync {
     /// M(q), kg, kg·m, kg·m², and b = C v + G on the left-hand side, N and N·m.
     fn mass_and_bias(&mut self, q: [f64; 2], v: [f64; 2]) -> ([[f64; 2]; 2], [f64; 2]);
 }
 
 /// A [`Plant`] from the mechanics of a model with two coordinates.
+#[derive(Clone)]
 pub struct Mechanism {
-    mechanics: Box<dyn Mechanics>,
+    mechanics: Arc<dyn Mechanics>,
     constants: Vec<f64>,
     work: Workspace,
     mass: DMatrix<f64>,
@@ -37,7 +39,7 @@ impl Mechanism {
             work: mechanics.workspace(),
             mass: DMatrix::zeros(2, 2),
             bias: DVector::zeros(2),
-            mechanics,
+            mechanics: mechanics.into(),
         })
     }
 }
