@@ -24,14 +24,14 @@ on_one_core() { taskset -c "${CORE:-0}" "$@"; }
 PINODE_ENDS=$folder/ends.json on_one_core cargo bench -q --locked -p pinode-nn --bench steps -- '^none$' >/dev/null
 
 for round in $(seq "$rounds"); do
-  for robot in cartpole_roehrl2020/fixed kuka_iiwa/fixed quadruped/floating talos_reduced/fixed talos_reduced/floating four_bar/fixed; do
+  for robot in cartpole_roehrl2020/fixed kuka_iiwa/fixed quadruped/floating talos_reduced/fixed talos_reduced/floating four_bar/fixed window/fixed; do
     urdf=$PINODE_ORACLES/${robot%/*}.urdf
     [ -f "$urdf" ] || urdf=models/${robot%/*}/${robot%/*}.urdf
     echo "round $round, $robot, load $(cut -d ' ' -f 1 /proc/loadavg)" >&2
-    # A closed loop is no part of a URDF: MuJoCo has no peer for the four-bar there.
-    if [ -n "$mujoco" ] && [ "$robot" != four_bar/fixed ]; then
-      on_one_core "$python" "$here/mujoco_steps.py" "$urdf" "${robot#*/}" "$folder/ends.json"
-    fi
+    case $robot in
+      four_bar/* | window/*) ;; # no peer: a closed loop is no part of a URDF
+      *) [ -z "$mujoco" ] || on_one_core "$python" "$here/mujoco_steps.py" "$urdf" "${robot#*/}" "$folder/ends.json" ;;
+    esac
     rm -rf "$CRITERION_HOME"
     on_one_core cargo bench -q --locked -p pinode-nn --bench steps -- "^$robot/" >/dev/null 2>&1
     "$python" "$here/../../../lagrange/benches/peers/table.py" record "$CRITERION_HOME"

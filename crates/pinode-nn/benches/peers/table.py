@@ -52,7 +52,7 @@ def column(robot, call, lines):
 
 print("One step of RK4, ns\n")
 lines = []
-for robot in robots:
+for robot in (robot for robot in robots if least(ours[robot], "rk4_step")):
     step, theirs = column(robot, "rk4_step", ours), column(robot, "mj_step_rk4", peers)
     dynamics = least(ours[robot], "forward_dynamics")
     lanes = least(ours[robot], "rk4_100_steps_lanes")
@@ -102,4 +102,10 @@ rows(
         for robot in robots
         if least(ours[robot], "adjoint_1000")
     ],
+)
+
+print("The window of a fit with sensitivities, ns\n")
+rows(
+    ["loop of the fits", "`integrators::gradient::Sensitivity`"],
+    [[time(least(ours[robot], call)) for call in ("by_the_fits", "by_sensitivity")] for robot in robots if least(ours[robot], "by_the_fits")],
 )
