@@ -12,6 +12,7 @@ use integrators::event::{
 use integrators::problems::StickSlip;
 use integrators::{Ode, Rk4, RollOutError, Rotation, StepError, roll_out};
 use nalgebra::DMatrix;
+use proptest::prelude::*;
 
 /// States at `samples` + 1 equal times from 0 to `end`.
 fn motion<S: ContactSystem<Input = ()>>(
@@ -585,6 +586,52 @@ fn a_body_that_spins_on_the_sphere_of_its_poses_stops_when_coulomb_says() {
     assert_abs_diff_eq!(end[0].abs(), half.cos().abs(), epsilon = 1e-9);
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 64, ..ProptestConfig::default() })]
+
+    /// Wagons between two walls, friction under each and between neighbours that are also buffers and coupled by springs.
+    #[test]
+    fn wagons_keep_their_places_and_never_gain_energy(
+        e in prop_oneof![Just(0.0), Just(1.0), 0.0..1.0_f64],
+        m in proptest::array::uniform4(0.2..3.0_f64),
+        level in proptest::array::uniform4(0.0..2.0_f64),
+        between in proptest::array::uniform3(0.0..1.0_f64),
+        v in proptest::array::uniform4(-4.0..4.0_f64),
+        stiffness in 0.0..20.0_f64,
+    ) {
+        let spring = move |q: &[f64]| stiffness * (q[3] - q[0] - 1.2);
+        let wagons = masses(m, move |_, q, _| [spring(q), 0.0, 0.0, -spring(q)]);
+        let mut laws = Vec::new();
+        for i in 0..4 {
+            let mut w = [0.0; 4];
+            w[i] = 1.0;
+            laws.push(Law::friction(&w, Coulomb { sliding: 0.7 * level[i], breakaway: level[i] }));
+        }
+        for i in 0..3 {
+            let mut w = [0.0; 4];
+            (w[i], w[i + 1]) = (-1.0, 1.0);
+            laws.push(Law::friction(&w, Coulomb::new(between[i])));
+            laws.push(Law::stop(&w, -0.25, e));
+        }
+        laws.push(Law::stop(&[1.0, 0.0, 0.0, 0.0], 0.3, e));
+        laws.push(Law::stop(&[0.0, 0.0, 0.0, -1.0], 1.5, e));
+        let start = [0.0, 0.4, 0.8, 1.2, v[0], v[1], v[2], v[3]];
+        let rolled = motion(&wagons, laws, (5.0, 500, 4), &start);
+        let energy = |x: &[f64]| {
+            let kinetic: f64 = (0..4).map(|i| 0.5 * m[i] * x[4 + i] * x[4 + i]).sum();
+            kinetic + 0.5 * stiffness * (x[3] - x[0] - 1.2).powi(2)
+        };
+        for pair in rolled.states.windows(2) {
+            let x = &pair[1];
+            prop_assert!(energy(x) <= energy(&pair[0]) + 1e-8, "{} J then {} J", energy(&pair[0]), energy(x));
+            prop_assert!(x[0] >= -0.3 - 1e-12 && x[3] <= 1.5 + 1e-12);
+            for i in 0..3 {
+                prop_assert!(x[i + 1] - x[i] >= 0.25 - 1e-12);
+            }
+        }
+    }
+}
+
 // ---- laws that depend on each other, limits, errors ----------------------------------------------------------------------------------
 
 #[test]
@@ -619,7 +666,7 @@ fn laws_that_say_the_same_hold_together() {
 
 #[test]
 fn friction_levels_may_depend_on_the_state() {
-    // μ N with N = m (g + a) in a lift whose floor accelerates with time: a law of t; on a strip with friction 1 + x: a law of q.
+    // On a strip with friction 1 + x.
     struct Strip;
     impl Friction for Strip {
         fn sliding(&self, _: Direction, _: f64, at: At<'_>) -> f64 {

@@ -20,6 +20,8 @@ pub(super) struct Mode {
     pub at_rest: Vec<usize>,
     /// Friction that stays at rest whatever it takes.
     pub held: Vec<bool>,
+    /// Friction that is at the end of its box while other laws hold its w·v at 0: no event of its own ends that.
+    pub idle: Vec<bool>,
     pub problem: Complementarity,
     candidates: Vec<usize>,
     border: Vec<usize>,
@@ -31,6 +33,7 @@ impl Mode {
         Mode {
             contacts: vec![Contact::Open; laws],
             held: vec![false; laws],
+            idle: vec![false; laws],
             ..Mode::default()
         }
     }
@@ -76,7 +79,7 @@ impl Mode {
                 break;
             }
         }
-        self.list_at_rest();
+        self.list_at_rest(let_go);
         Ok(())
     }
 
@@ -84,6 +87,7 @@ impl Mode {
     fn sort(&mut self, laws: &[Law], at: At<'_>, still: &[bool]) {
         self.at_rest.clear();
         self.candidates.clear();
+        self.idle.fill(false);
         for (k, law) in laws.iter().enumerate() {
             let (slip, rounding) = if still[k] { (0.0, 0.0) } else { law.slip(at.v) };
             let contact = match law.kind {
@@ -153,7 +157,10 @@ impl Mode {
                 continue;
             }
             let y = problem.y[row];
-            let at_border = y.abs() <= BORDER * problem.scale(row) && !let_go[k];
+            // What holds nothing at rest never rests.
+            let no_box = problem.lower[row] == problem.upper[row];
+            let balanced = y.abs() <= BORDER * problem.scale(row);
+            let at_border = balanced && !let_go[k] && !no_box;
             let Kind::Friction { size, .. } = &laws[k].kind else {
                 if at_border {
                     self.border.push(row);
@@ -162,7 +169,6 @@ impl Mode {
                 }
                 continue;
             };
-            let no_box = problem.lower[row] == problem.upper[row];
             let positive = if no_box {
                 y >= 0.0
             } else {
@@ -188,11 +194,13 @@ impl Mode {
                     sliding,
                 });
             }
-            if at_border {
+            let fall = sliding < breakaway * (1.0 - BORDER);
+            // One that lets go without moving may be held by others.
+            if at_border || (balanced && !fall && !no_box) {
                 self.border.push(row);
             } else {
                 self.contacts[k] = Contact::Slides(direction);
-                falls |= sliding < breakaway * (1.0 - BORDER);
+                falls |= fall;
             }
         }
         if falls {
@@ -210,7 +218,7 @@ impl Mode {
 
     /// The laws at rest: those that carry, then those at the border; a friction at its border slides along at speed 0 if others
     /// hold it already.
-    fn list_at_rest(&mut self) {
+    fn list_at_rest(&mut self, let_go: &[bool]) {
         let problem = &self.problem;
         if problem.place.len() != self.candidates.len() {
             return;
@@ -234,8 +242,9 @@ impl Mode {
                     continue;
                 }
             };
-            if depends && self.contacts[k] == Contact::Sticks {
+            if (depends || let_go[k]) && self.contacts[k] == Contact::Sticks {
                 self.contacts[k] = Contact::Slides(direction);
+                self.idle[k] = depends;
             } else {
                 self.at_rest.push(k);
             }

@@ -212,7 +212,7 @@ impl<'a, S: ContactSystem> Motion<'a, S> {
         time: f64,
         x: &[f64],
         u: &S::Input,
-        held: &[bool],
+        (held, idle): (&[bool], &[bool]),
         work: &mut Work<S::Memory>,
         margin: &mut [f64],
     ) -> Result<f64, ContactError<S::Error>> {
@@ -232,10 +232,18 @@ impl<'a, S: ContactSystem> Motion<'a, S> {
             let force = work.reaction[k];
             let rounding = super::RELEASE * work.reaction_scale[k];
             *margin = match (*contact, &law.kind) {
-                (Contact::Slides(direction), _) => {
+                (Contact::Slides(_), _) if idle[k] => f64::INFINITY,
+                (Contact::Slides(direction), Kind::Friction { size, .. }) => {
                     let (slip, rounding) = law.slip(v);
-                    direction.sign() * slip + rounding
+                    let margin = direction.sign() * slip + rounding;
+                    // Without friction at rest a turn changes nothing.
+                    if margin < 0.0 && levels(k, size.as_ref(), at)? == (0.0, 0.0) {
+                        f64::INFINITY
+                    } else {
+                        margin
+                    }
                 }
+                (Contact::Slides(_), Kind::Stop { .. }) => f64::INFINITY,
                 (Contact::Open, _) => {
                     let (gap, rounding) = law.gap(q);
                     if gap >= -rounding && law.slip(v).0 >= 0.0 {

@@ -175,8 +175,9 @@ impl<S: ContactSystem> EventStepper<S> {
 
     /// What is at rest now is so beyond the digits of v.
     fn note_rest(&mut self) {
-        for (still, contact) in self.still.iter_mut().zip(&self.mode.contacts) {
-            *still = contact.at_rest();
+        let idle = self.mode.idle.iter();
+        for ((still, contact), idle) in self.still.iter_mut().zip(&self.mode.contacts).zip(idle) {
+            *still = contact.at_rest() || *idle;
         }
     }
 
@@ -212,7 +213,7 @@ impl<S: ContactSystem> EventStepper<S> {
                 time,
                 x,
                 u,
-                &self.mode.held,
+                (&self.mode.held, &self.mode.idle),
                 &mut self.work,
                 &mut self.margin,
             )?;
@@ -244,7 +245,7 @@ impl<S: ContactSystem> EventStepper<S> {
             time + h,
             &self.trial,
             u,
-            &self.mode.held,
+            (&self.mode.held, &self.mode.idle),
             &mut self.work,
             &mut self.margin,
         )
