@@ -19,8 +19,11 @@
 //!
 //! Friction levels may depend on time and state, not on the forces of other laws; that would lead to Painlevé's paradoxes, which
 //! these laws do not have: M positive definite gives one v̇. Where laws depend on each other (two that say the same) v̇ is still one,
-//! and of the forces one set is taken: laws earlier in the list carry what they can. Friction that depends on others at rest can then
-//! change so often within a step that it is [held](EventKind::Held) at rest until the step ends.
+//! and of the forces one set is taken: laws earlier in the list carry what they can. Friction that depends on others at rest
+//! (a friction and a stop along one direction, closed loops of frictions) can then change so often within a step that it is
+//! [held](EventKind::Held) at rest until the step ends. **While it is held it may carry more than its breakaway force**: a motion whose
+//! [`events`](EventRollOut) have `Held` in them is not to be trusted after the first of them. Laws on coordinates of their own, as joints
+//! have them, do not depend on each other.
 //!
 //! Fits differentiate a smoothed law such as F tanh(w·v/ε) in place of the set. It creeps where this one sticks, and its error goes
 //! with ε to 0 (linearly in the places where slides end; tests/events.rs shows it); a roll-out here is what to check one against.

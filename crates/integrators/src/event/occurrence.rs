@@ -30,6 +30,7 @@ pub enum EventKind {
     Rests,
     /// A stop that carried does so no more.
     LetsGo,
-    /// A friction that changed too often within one step is held at rest until the step ends.
+    /// A friction that changed too often within one step is held at rest until the step ends, whatever it takes: the motion is not
+    /// that of the laws from here on.
     Held,
 }
