@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use lagrange::Problems;
 
+use crate::contact_run::ContactRunError;
 use crate::motion::NotFree;
 
 /// An error of models, logs and what is done with them.
@@ -88,6 +89,15 @@ pub enum Error {
         iterations: usize,
         /// The last change, relative to the velocity.
         change: f64,
+    },
+    /// Contacts with set-valued friction have no motion.
+    #[error("run `{run}`: {cause}")]
+    Contacts {
+        /// The recording.
+        run: String,
+        /// When, and why.
+        #[source]
+        cause: Box<ContactRunError>,
     },
     /// The method of a simulation is not for this mechanism.
     #[error("{0}")]

@@ -251,7 +251,7 @@ fn channels(model: &Model, runs: &[&Run]) -> Vec<Channel> {
 }
 
 /// (run, first sample, number of samples) of the windows: evenly spread over all that are possible. No window spans a gap.
-fn starts(runs: &[&Run], options: &Options) -> Vec<(usize, usize, usize)> {
+pub(crate) fn starts(runs: &[&Run], options: &Options) -> Vec<(usize, usize, usize)> {
     let mut possible = Vec::new();
     for (index, run) in runs.iter().enumerate() {
         let Some(typical) = typical_interval(run) else {

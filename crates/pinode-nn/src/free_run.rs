@@ -3,9 +3,11 @@
 //! Classical Runge-Kutta unless another method is asked for, the input held over each sample interval, the effects of the drive
 //! applied to it.
 
+use integrators::event::ContactError;
 use integrators::{Heun, Method, Order, Rk4, System, Variational};
 
 use crate::Error;
+use crate::contact_run::{ContactRunError, roll_contacts};
 use crate::diagnose::smooth::smooth;
 use crate::hybrid::{DrivenInputs, Hybrid, HybridMotion};
 use crate::log::Run;
@@ -134,6 +136,8 @@ pub enum Scheme {
     Heun,
     /// Variational, of order 4: the energy of long runs does not drift; not under constraints
     Variational,
+    /// Dry friction that sticks instead of creeping: classical Runge-Kutta from one located event to the next; not under constraints
+    Contacts,
 }
 
 /// The model from `initial` (q, v) over the times `t` under the inputs `u`, by classical Runge-Kutta: one state a sample.
@@ -154,7 +158,7 @@ pub fn simulate(
 /// [`simulate`] by another method.
 ///
 /// # Errors
-/// Those of [`simulate`]; [`Error::NoStep`] where an implicit step is not solved; [`Error::NotFree`] where the method is not for the
+/// Those of [`simulate`]; [`Error::NoStep`] where an implicit step is not solved; [`Error::Contacts`]; [`Error::NotFree`] where the method is not for the
 /// mechanism.
 pub fn simulate_by(
     scheme: Scheme,
@@ -173,6 +177,11 @@ pub fn simulate_by(
     let motion = HybridMotion::new(&hybrid, &theta, &[], &inputs);
     let mut states = vec![initial.to_vec()];
     let rolled = match scheme {
+        Scheme::Contacts => {
+            return roll_contacts(&hybrid, &theta, &inputs, (0, t.len()), initial)
+                .map(|motion| motion.states)
+                .map_err(|error| stopped_with_contacts(run, error));
+        }
         Scheme::Rk4 => roll(&motion, Rk4::default(), &inputs, t.len(), &mut states),
         Scheme::Heun => roll(&motion, Heun::default(), &inputs, t.len(), &mut states),
         Scheme::Variational => {
@@ -184,10 +193,14 @@ pub fn simulate_by(
     let Err(diverged) = rolled else {
         return Ok(states);
     };
-    let run = run.to_owned();
     let last = t.get(states.len().saturating_sub(1));
-    let time = last.copied().unwrap_or_default();
-    Err(match diverged {
+    Err(stopped(run, last.copied().unwrap_or_default(), diverged))
+}
+
+/// What ended a simulation of `run` behind the sample at `time`.
+fn stopped(run: &str, time: f64, cause: Diverged) -> Error {
+    let run = run.to_owned();
+    match cause {
         Diverged::OutOfRange
         | Diverged::Dynamics(lagrange::Error::AccelerationNotFinite { .. }) => {
             Error::Diverged { run, time }
@@ -199,7 +212,28 @@ pub fn simulate_by(
             iterations,
             change,
         },
-    })
+    }
+}
+
+/// The same error for the same cause as without contacts.
+fn stopped_with_contacts(run: &str, error: ContactRunError) -> Error {
+    match error {
+        ContactRunError::NotFree(cause) => Error::NotFree(cause),
+        ContactRunError::Stopped {
+            time,
+            cause: ContactError::NotFinite { .. },
+            ..
+        } => stopped(run, time, Diverged::OutOfRange),
+        ContactRunError::Stopped {
+            time,
+            cause: ContactError::System { source, .. },
+            ..
+        } => stopped(run, time, source),
+        cause => Error::Contacts {
+            run: run.to_owned(),
+            cause: Box::new(cause),
+        },
+    }
 }
 
 /// Appends the states at the samples behind the one that `states` holds.

@@ -19,10 +19,12 @@
 //! ```
 //!
 //! [`hybrid`] is the model as it is simulated, with exact derivatives; [`motion`] makes systems for `integrators` of mechanisms;
-//! [`free_run`] and [`evaluate`](mod@evaluate) run it over a log.
+//! [`free_run`] and [`evaluate`](mod@evaluate) run it over a log. Fits smooth dry friction; [`contact_run`] runs a model with friction that
+//! sticks, and [`smoothing`] says how far the two are apart.
 //! Feature `cli` (default): the program `pinode` and the HTML report.
 #[cfg(feature = "cli")]
 pub mod cli;
+pub mod contact_run;
 pub mod diagnose;
 pub mod effect;
 pub mod evaluate;
@@ -34,6 +36,7 @@ pub mod motion;
 #[cfg(feature = "cli")]
 pub mod report;
 pub mod shooting;
+pub mod smoothing;
 
 mod disk;
 mod entries;

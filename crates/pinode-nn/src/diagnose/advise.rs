@@ -2,17 +2,18 @@
 
 use super::search::{Search, UNEXPLAINED, is_unexplained};
 use super::study::Study;
-use super::verdict::{NamedEffect, Verdict};
+use super::verdict::{NamedEffect, Numerics, Verdict};
 
 /// Delays below this are not told from a lag, s.
 const SHORT_DELAY: f64 = 5e-3;
 
-/// Advice on ties, weak findings and what is left unexplained.
+/// Advice on ties, weak findings, what is left unexplained, and friction that is smoothed too much.
 pub fn advise(
     study: &Study,
     search: &Search,
     effects: &[NamedEffect],
     verdict: Verdict,
+    numerics: &Numerics,
 ) -> Vec<String> {
     let mut advice = Vec::new();
     for effect in effects {
@@ -55,6 +56,17 @@ pub fn advise(
         advice.push(format!(
             "what is left is larger than the sensor noise ({}): something is missing that no effect in the library explains.",
             excess.join(", ")
+        ));
+    }
+    for moved in numerics.set_valued.iter().flat_map(|s| s.noticeable()) {
+        let from = moved.starts.map_or(String::new(), |start| {
+            format!(", first at t = {:.2} s", start.t)
+        });
+        advice.push(format!(
+            "friction that sticks would move `{}` by {:.1} times the sensor noise (root mean square over windows of the log{from}) from \
+             where the smoothed friction of the model has it: give its dry friction a lower `smoothing`, and compare with `pinode \
+             simulate --method contacts`.",
+            moved.name, moved.rms
         ));
     }
     advice

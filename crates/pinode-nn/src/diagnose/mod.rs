@@ -8,13 +8,14 @@
 //! 5. The new model is written, read back, and run free over held-out data.
 
 mod advise;
-mod audit;
+pub(crate) mod audit;
 mod candidate;
 mod confidence;
 pub mod curves;
 mod found;
 mod gap;
 mod locate;
+mod numerics;
 mod score;
 mod screen;
 mod search;
@@ -28,7 +29,7 @@ use std::path::{Path, PathBuf};
 
 use self::curves::Curves;
 use self::setup::prepare;
-use self::verdict::{Diagnosis, LogProvenance, Provenance, Verdict};
+use self::verdict::{Diagnosis, LogProvenance, Numerics, Provenance, Verdict};
 use crate::Error;
 use crate::entries::refuse_poses;
 use crate::hybrid::Hybrid;
@@ -157,7 +158,10 @@ pub(crate) fn diagnose_into(
         Verdict::NothingMissing
     };
     let effects = write_up::effects(&search, &names);
-    let advice = advise::advise(study, &search, &effects, verdict);
+    let numerics = Numerics {
+        set_valued: numerics::set_valued(study, &search.model),
+    };
+    let advice = advise::advise(study, &search, &effects, verdict, &numerics);
     let diagnosis = Diagnosis {
         verdict,
         disagreement,
@@ -167,6 +171,7 @@ pub(crate) fn diagnose_into(
         advice,
         constants: write_up::constants(&search, &names),
         search: write_up::steps(&search, &names),
+        numerics,
         provenance,
     };
     Ok(Outcome {

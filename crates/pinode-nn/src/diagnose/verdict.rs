@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use crate::smoothing::SmoothingError;
+
 /// What a diagnosis says; the JSON document of `pinode diagnose`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Diagnosis {
@@ -23,6 +25,8 @@ pub struct Diagnosis {
     pub constants: Vec<FittedConstant>,
     /// Every step of the search: what the screen promised and what refining it gave.
     pub search: Vec<SearchStep>,
+    /// What the new model owes to its numerics.
+    pub numerics: Numerics,
     /// How to do it again.
     pub provenance: Provenance,
 }
@@ -218,6 +222,13 @@ pub struct RefinedName {
     pub accepted: bool,
     /// Whether its gain was numerical.
     pub numerical: bool,
+}
+
+/// What the new model owes to its numerics.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Numerics {
+    /// What smoothing its dry friction changes, over a few windows of the log; `null` when it has none, and under constraints.
+    pub set_valued: Option<SmoothingError>,
 }
 
 /// What the diagnosis was made of.

@@ -4,10 +4,12 @@
 //! F₊, F₋ in N or N·m. While sliding it is the same as Coulomb friction of their mean and a constant force of half their
 //! difference: only rest tells the two apart.
 
+use integrators::event::Direction;
 use lagrange::Scalar;
 
 use super::{
-    Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Probe, Quantity, smooth_sign,
+    Action, DryFriction, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Probe, Quantity,
+    smooth_sign,
 };
 
 struct AsymmetricCoulomb;
@@ -16,6 +18,19 @@ impl ForceLaw for AsymmetricCoulomb {
     fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], smoothing: f64) -> D {
         let s = smooth_sign(v, smoothing);
         -(p[0] + p[1]) * s * 0.5 - (p[0] - p[1]) * s * s * 0.5
+    }
+
+    fn dry(&self) -> Option<&dyn DryFriction> {
+        Some(self)
+    }
+}
+
+impl DryFriction for AsymmetricCoulomb {
+    fn size(&self, direction: Direction, _: f64, p: &[f64]) -> f64 {
+        match direction {
+            Direction::Positive => p[0],
+            Direction::Negative => p[1],
+        }
     }
 }
 

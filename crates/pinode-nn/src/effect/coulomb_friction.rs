@@ -2,11 +2,12 @@
 //!
 //! F_c in N or N·m. A step at v = 0, flat elsewhere; confused with an input dead zone when u and v are in phase.
 
+use integrators::event::Direction;
 use lagrange::Scalar;
 
 use super::{
-    Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity, kind::from_zero,
-    smooth_sign,
+    Action, DryFriction, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity,
+    kind::from_zero, smooth_sign,
 };
 
 struct Coulomb;
@@ -14,6 +15,16 @@ struct Coulomb;
 impl ForceLaw for Coulomb {
     fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], smoothing: f64) -> D {
         -p[0] * smooth_sign(v, smoothing)
+    }
+
+    fn dry(&self) -> Option<&dyn DryFriction> {
+        Some(self)
+    }
+}
+
+impl DryFriction for Coulomb {
+    fn size(&self, _: Direction, _: f64, p: &[f64]) -> f64 {
+        p[0]
     }
 }
 

@@ -1,5 +1,6 @@
 //! Forces on one coordinate, with exact derivatives.
 
+use integrators::event::Direction;
 use lagrange::Scalar;
 use num_dual::Dual64;
 
@@ -7,6 +8,17 @@ use num_dual::Dual64;
 pub trait ForceLaw: Send + Sync + 'static {
     /// The generalized force, N or N·m. `smoothing` is the velocity over which a sign change of friction is spread, m/s or rad/s.
     fn force<D: Scalar>(&self, q: D, v: D, p: &[D], smoothing: f64) -> D;
+
+    /// The set-valued law that `smoothing` makes a function; `None` (the default) where the force is one without it.
+    fn dry(&self) -> Option<&dyn DryFriction> {
+        None
+    }
+}
+
+/// Dry friction before it is smoothed: Q_j = −F₊(v_j) for v_j > 0, F₋(|v_j|) for v_j < 0, and anything in [−F₊(0), F₋(0)] at rest.
+pub trait DryFriction: Send + Sync {
+    /// F ≥ 0 against a slide in `direction` with `speed` = |v_j|, N or N·m; smooth in the speed, also a little below 0.
+    fn size(&self, direction: Direction, speed: f64, p: &[f64]) -> f64;
 }
 
 /// sgn(v) spread over `smoothing`: tanh(v / smoothing).
@@ -38,6 +50,8 @@ pub trait JointForce: Send + Sync {
         smoothing: f64,
         by_p: &mut [f64],
     ) -> JointForceDerivatives;
+    /// See [`ForceLaw::dry`].
+    fn dry(&self) -> Option<&dyn DryFriction>;
 }
 
 /// Makes a [`JointForce`] of a [`ForceLaw`]: derivatives by dual numbers.
@@ -80,5 +94,9 @@ impl<L: ForceLaw> JointForce for OnCoordinate<L> {
             by_q: along_q.eps,
             by_v: along_v.eps,
         }
+    }
+
+    fn dry(&self) -> Option<&dyn DryFriction> {
+        self.0.dry()
     }
 }

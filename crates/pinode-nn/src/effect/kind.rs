@@ -1,6 +1,6 @@
 //! What the rest of the program knows of a kind of effect.
 
-use super::{DriveLaw, JointForce};
+use super::{DriveLaw, DryFriction, JointForce};
 
 /// A kind of effect: its name in model files, its parameters and what it does.
 #[derive(Clone, Copy)]
@@ -57,6 +57,16 @@ pub(super) fn from_zero(perturbed: f64) -> Vec<Probe> {
         neutral: vec![0.0],
         perturbed: vec![perturbed],
     }]
+}
+
+impl Kind {
+    /// The set-valued law behind it, where it is dry friction that fits smooth.
+    pub fn dry(&self) -> Option<&'static dyn DryFriction> {
+        match self.action {
+            Action::Joint(law) => law.dry(),
+            Action::Drive(_) => None,
+        }
+    }
 }
 
 /// Kinds are the same when their names are.

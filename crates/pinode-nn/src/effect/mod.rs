@@ -4,6 +4,7 @@
 //! Each kind is one file with its formula, its parameters and its derivatives, and one line in [`registry`].
 //!
 //! Two actions exist. A [`JointForce`] is a generalized force on one coordinate, a function of that coordinate's q and v.
+//! Where it is dry friction spread over a smoothing velocity it also has the set-valued law itself, [`DryFriction`].
 //! A [`DriveLaw`] changes an input on its way to the joint: a causal pass over the whole input signal.
 
 mod drive;
@@ -23,7 +24,9 @@ mod stribeck_friction;
 mod viscous_friction;
 
 pub use drive::{DriveLaw, Grid, Signal};
-pub use joint_force::{ForceLaw, JointForce, JointForceDerivatives, OnCoordinate, smooth_sign};
+pub use joint_force::{
+    DryFriction, ForceLaw, JointForce, JointForceDerivatives, OnCoordinate, smooth_sign,
+};
 pub use kind::{Action, Family, Kind, ParameterSpec, Probe, Quantity, Scales};
 
 /// Velocity over which a sign change of friction is spread unless the model says otherwise: 3 mm/s, or 10 mrad/s on an angle.

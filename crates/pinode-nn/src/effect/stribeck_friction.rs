@@ -3,18 +3,35 @@
 //! F_c sliding and F_s static force in N or N·m, v_s Stribeck velocity in m/s or rad/s (Canudas de Wit et al. 1995, with
 //! exponent 2). A hump at low speed on top of Coulomb friction; needs slow motion to be seen.
 
+use integrators::event::Direction;
 use lagrange::Scalar;
 
 use super::{
-    Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Probe, Quantity, smooth_sign,
+    Action, DryFriction, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Probe, Quantity,
+    smooth_sign,
 };
 
 struct Stribeck;
 
+/// F_c + (F_s − F_c) exp(−(v/v_s)²): the static force F_s at rest.
+fn hump<D: Scalar>(v: D, p: &[D]) -> D {
+    let r = v / p[2];
+    p[0] + (p[1] - p[0]) * (-r * r).exp()
+}
+
 impl ForceLaw for Stribeck {
     fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], smoothing: f64) -> D {
-        let r = v / p[2];
-        -(p[0] + (p[1] - p[0]) * (-r * r).exp()) * smooth_sign(v, smoothing)
+        -hump(v, p) * smooth_sign(v, smoothing)
+    }
+
+    fn dry(&self) -> Option<&dyn DryFriction> {
+        Some(self)
+    }
+}
+
+impl DryFriction for Stribeck {
+    fn size(&self, _: Direction, speed: f64, p: &[f64]) -> f64 {
+        hump(speed, p)
     }
 }
 

@@ -22,6 +22,7 @@ impl Hybrid {
         Memory {
             work: self.mechanics.workspace(),
             acceleration: DVector::zeros(n),
+            bias: DVector::zeros(n),
             by: ForwardDynamicsDerivatives::zeros(n, mechanics.len()),
             mechanics,
             forces: DMatrix::zeros(n, 2 * n + free.len()),
@@ -56,11 +57,24 @@ impl Hybrid {
         step: usize,
         memory: &mut Memory,
     ) {
+        self.load_where(|_| true, (q, v), theta, inputs, step, memory);
+    }
+
+    /// Q of inputs and of those effects that `counts` keeps, into `memory.acceleration`.
+    pub(super) fn load_where(
+        &self,
+        counts: impl Fn(&dyn JointForce) -> bool,
+        (q, v): (&[f64], &[f64]),
+        theta: &[f64],
+        inputs: &DrivenInputs,
+        step: usize,
+        memory: &mut Memory,
+    ) {
         memory.acceleration.fill(0.0);
         for (signal, &coordinate) in inputs.forces.iter().zip(&self.input_coordinates) {
             memory.acceleration[self.starts[coordinate].v] += signal.value[step];
         }
-        for (law, effect, range) in self.forces() {
+        for (law, effect, range) in self.forces().filter(|(law, ..)| counts(*law)) {
             let at = self.starts[effect.target];
             memory.acceleration[at.v] += law.force(
                 q[at.q],
@@ -226,6 +240,8 @@ pub struct Memory {
     pub(super) work: Workspace,
     /// v̇ of the last call.
     pub acceleration: DVector<f64>,
+    /// C v + G.
+    pub(super) bias: DVector<f64>,
     by: ForwardDynamicsDerivatives,
     /// ∂Q/∂(q, v, θ_free) of inputs and effects.
     forces: DMatrix<f64>,

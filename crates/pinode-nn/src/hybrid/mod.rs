@@ -6,6 +6,7 @@
 //! What can be estimated is one vector θ of [`Constant`]s: the constants of the mechanics, the input gains, the zeros of the
 //! sensors, and the parameters of the effects, in this order.
 
+mod contacts;
 mod dynamics;
 mod motion;
 
@@ -20,6 +21,7 @@ use crate::entries::{Start, starts};
 use crate::model::{Model, Target};
 use crate::motion::Positions;
 
+pub use contacts::HybridContacts;
 pub use dynamics::Memory;
 pub use motion::HybridMotion;
 

@@ -33,7 +33,7 @@ impl<M> fmt::Debug for FreeMotion<M> {
 pub enum NotFree {
     /// Its coordinates obey equations.
     #[error(
-        "the mechanism obeys {count} constraints (`{first}` …): symplectic and variational methods step free mechanisms only; take \
+        "the mechanism obeys {count} constraints (`{first}` …): symplectic and variational methods and steps with contacts are for free mechanisms only; take \
          an explicit method of Runge and Kutta, or coordinates that need no constraint"
     )]
     Constrained {
@@ -45,7 +45,7 @@ pub enum NotFree {
     /// T is not ½ vᵀ M(q) v.
     #[error(
         "T is not quadratic in the velocities: at q = {q:?} twice the velocities give {twice:e} J, four times T is {four_times:e} J; \
-         symplectic and variational methods are for T = ½ vᵀ M(q) v; take an explicit method of Runge and Kutta"
+         symplectic and variational methods and steps with contacts are for T = ½ vᵀ M(q) v; take an explicit method of Runge and Kutta"
     )]
     NotQuadratic {
         /// Where it was found.

@@ -97,6 +97,7 @@ fn diagnosis(slider: &str) -> Diagnosis {
             fitted: 0.4689,
             std: Some(0.0021),
         }],
+        numerics: Numerics::default(),
         search: vec![
             SearchStep {
                 screened: vec![

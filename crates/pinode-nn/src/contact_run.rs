@@ -1,0 +1,119 @@
+//! Free runs in which friction sticks: the set-valued laws behind the smoothed ones that fits differentiate.
+//!
+//! The grid, the inputs and the drives are those of [`free_run`](crate::free_run). Where a joint comes to rest under a force that its
+//! friction holds, it stays there to the last digit, and the instants at which it sticks and breaks away are found to rounding
+//! ([`integrators::event`]).
+
+use integrators::event::{ContactError, EventRollOut, EventStepper};
+
+use crate::hybrid::{DrivenInputs, Hybrid, HybridContacts};
+use crate::motion::NotFree;
+use crate::shooting::Diverged;
+
+/// Why a run with contacts does not get to its end.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ContactRunError {
+    /// The mechanism is not one that these laws are for.
+    #[error("{0}")]
+    NotFree(#[from] NotFree),
+    /// Between this sample and the next.
+    #[error(
+        "the motion with contacts stops after t = {time} s: {cause} (laws are numbered from 0: the dry friction of {})",
+        rubbing.join(", ")
+    )]
+    Stopped {
+        /// The last sample that was reached, s.
+        time: f64,
+        /// What the mechanism or the contacts refuse; it names laws by their place in `rubbing`.
+        #[source]
+        cause: ContactError<Diverged>,
+        /// The coordinates with dry friction.
+        rubbing: Vec<String>,
+    },
+}
+
+/// The model from `initial` (q, v) over `count` samples from sample `first` on: one state a sample, and the events between them, which
+/// name laws by their place among [`Hybrid::rubbing`].
+///
+/// A block of 1 kg on a table with 2 N of Coulomb friction, pushed with 1.8 N: smoothed, it creeps.
+///
+/// ```
+/// use pinode_nn::contact_run::roll_contacts;
+/// use pinode_nn::free_run::FreeRun;
+/// use pinode_nn::hybrid::Hybrid;
+/// use pinode_nn::model::Model;
+/// use pinode_nn::shooting::Trajectory;
+///
+/// # let dir = tempfile::tempdir()?;
+/// # let path = dir.path().join("block.toml");
+/// # std::fs::write(&path, r#"
+/// # name = "block"
+/// # lagrangian = { coordinates = ["x"], kinetic = "0.5*x_dot^2", potential = "0" }
+/// # [[input]]
+/// # name = "push"
+/// # joint = "x"
+/// # [[effect]]
+/// # kind = "coulomb_friction"
+/// # joint = "x"
+/// # force = 2.0
+/// # "#)?;
+/// let model = Model::load(&path)?;
+/// let hybrid = Hybrid::of(&model);
+/// let t: Vec<f64> = (0..=100).map(|k| 0.01 * f64::from(k)).collect();
+/// let theta = hybrid.theta();
+/// let inputs = hybrid.drive(&t, &[vec![1.8; 101]], 10, &theta, &[]);
+/// let held = roll_contacts(&hybrid, &theta, &inputs, (0, 101), &[0.0, 0.0])?;
+/// assert_eq!(held.states[100], [0.0, 0.0]);
+///
+/// // v = ε artanh(1.8/2), ε = 3 mm/s
+/// let run = FreeRun::new(&hybrid, &t, &[vec![1.8; 101]], 1e-3);
+/// let mut smoothed = Trajectory::default();
+/// assert!(run.roll(&mut run.roller(), (0, 101), &[0.0, 0.0], &mut smoothed));
+/// assert!((smoothed.states[201] - 3e-3 * 0.9_f64.atanh()).abs() < 1e-6);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// [`ContactRunError`].
+pub fn roll_contacts(
+    hybrid: &Hybrid,
+    theta: &[f64],
+    inputs: &DrivenInputs,
+    (first, count): (usize, usize),
+    initial: &[f64],
+) -> Result<EventRollOut, ContactRunError> {
+    let system = HybridContacts::new(hybrid, theta, inputs)?;
+    let substeps = inputs.grid.substeps;
+    let bounds = &inputs.grid.bounds;
+    let stopped = |sample: usize| {
+        move |cause| ContactRunError::Stopped {
+            time: bounds.get(sample * substeps).copied().unwrap_or_default(),
+            cause,
+            rubbing: system.rubbing().iter().map(|c| c.name.clone()).collect(),
+        }
+    };
+    let mut stepper = EventStepper::new(&system, system.laws()).map_err(stopped(first))?;
+    let mut state = initial.to_vec();
+    let mut states = Vec::with_capacity(count);
+    states.push(state.clone());
+    for sample in first..(first + count).saturating_sub(1) {
+        let steps = sample * substeps..(sample + 1) * substeps;
+        let intervals = bounds.windows(2).enumerate().skip(steps.start);
+        for (step, interval) in intervals.take(substeps) {
+            let &[from, to] = interval else { continue };
+            stepper
+                .advance(&system, (from, to - from, 1), &step, &mut state)
+                .map_err(stopped(sample))?;
+        }
+        if let Err(source) = Diverged::check(&state) {
+            let time = bounds.get(steps.end).copied().unwrap_or_default();
+            return Err(stopped(sample)(ContactError::System { time, source }));
+        }
+        states.push(state.clone());
+    }
+    Ok(EventRollOut {
+        states,
+        events: stepper.events().to_vec(),
+    })
+}

@@ -1,0 +1,140 @@
+use std::sync::Arc;
+
+use integrators::event::{At, ContactSystem, Direction, Friction, Law};
+use lagrange::Coordinate;
+use nalgebra::DMatrix;
+
+use super::{DrivenInputs, Hybrid, Memory};
+use crate::effect::{DryFriction, JointForce};
+use crate::motion::{NotFree, Positions, check_free};
+use crate::shooting::Diverged;
+
+/// The hybrid model at one θ under the inputs of one recording with its dry friction as what it is, a set of forces at rest, and no
+/// function of the velocity that `smoothing` makes of it:
+///
+/// M(q) v̇ = f + Σ_j e_j λ_j, f = Σ_i B_i g_i ū_i + Σ_e Q_e(q, v; p_e) − C(q, v) v − G(q)
+///
+/// The sum over e has the effects that are smooth by themselves; λ_j are the [`laws`](Self::laws). The input is the number of an
+/// integration step in [`DrivenInputs::grid`], as in [`HybridMotion`](super::HybridMotion).
+///
+/// For free mechanisms, with bodies that float or without. Under constraints Jᵀλ and dry friction would depend on each other through
+/// equations that these laws do not have.
+#[derive(Clone, Copy)]
+pub struct HybridContacts<'a> {
+    hybrid: &'a Hybrid,
+    theta: &'a [f64],
+    inputs: &'a DrivenInputs,
+}
+
+impl<'a> HybridContacts<'a> {
+    /// At θ, under `inputs`.
+    ///
+    /// # Errors
+    /// [`NotFree`] under constraints, and where T is not ½ vᵀ M(q) v.
+    pub fn new(
+        hybrid: &'a Hybrid,
+        theta: &'a [f64],
+        inputs: &'a DrivenInputs,
+    ) -> Result<Self, NotFree> {
+        check_free(hybrid.mechanics(), &theta[hybrid.mechanics_range()])?;
+        Ok(HybridContacts {
+            hybrid,
+            theta,
+            inputs,
+        })
+    }
+
+    /// One law for each of the [`rubbing`](Self::rubbing) coordinates, in their order; the dry effects on one coordinate add.
+    pub fn laws(&self) -> Vec<Law> {
+        let hybrid = self.hybrid;
+        let on = |c: usize| {
+            let own = hybrid.dry().filter(move |(target, ..)| *target == c);
+            let parts = own.map(|(_, law, index)| {
+                let p = &self.theta[hybrid.range(index)];
+                (law, Arc::from(p))
+            });
+            let mut direction = vec![0.0; hybrid.nv()];
+            direction[hybrid.starts[c].v] = 1.0;
+            Law::friction(&direction, Sum(parts.collect()))
+        };
+        hybrid.rubbing().into_iter().map(on).collect()
+    }
+
+    /// The coordinates with dry friction.
+    pub fn rubbing(&self) -> Vec<&'a Coordinate> {
+        let coordinates = self.hybrid.mechanics().coordinates();
+        let rubbing = self.hybrid.rubbing();
+        rubbing.into_iter().map(|c| &coordinates[c]).collect()
+    }
+}
+
+impl Hybrid {
+    /// The dry effects: the coordinate, the law, the index among all effects.
+    fn dry(&self) -> impl Iterator<Item = (usize, &'static dyn DryFriction, usize)> {
+        let laws = self.effects.iter().enumerate();
+        laws.filter_map(|(index, effect)| Some((effect.target, effect.kind.dry()?, index)))
+    }
+
+    /// The coordinates with dry friction, in increasing order.
+    pub fn rubbing(&self) -> Vec<usize> {
+        let mut targets: Vec<usize> = self.dry().map(|(target, ..)| target).collect();
+        targets.sort_unstable();
+        targets.dedup();
+        targets
+    }
+}
+
+/// Dry frictions with their parameters that act together.
+struct Sum(Vec<(&'static dyn DryFriction, Arc<[f64]>)>);
+
+impl Friction for Sum {
+    fn sliding(&self, direction: Direction, speed: f64, _: At<'_>) -> f64 {
+        let sizes = self.0.iter().map(|(law, p)| law.size(direction, speed, p));
+        sizes.sum()
+    }
+}
+
+fn is_smooth(law: &dyn JointForce) -> bool {
+    law.dry().is_none()
+}
+
+impl ContactSystem for HybridContacts<'_> {
+    type Positions = Positions;
+    type Input = usize;
+    type Memory = Memory;
+    type Error = Diverged;
+
+    fn positions(&self) -> &Positions {
+        &self.hybrid.space.positions
+    }
+
+    fn memory(&self) -> Memory {
+        self.hybrid.memory(&[])
+    }
+
+    fn mass_and_force(
+        &self,
+        _t: f64,
+        state: (&[f64], &[f64]),
+        step: &usize,
+        memory: &mut Memory,
+        mass: &mut DMatrix<f64>,
+        force: &mut [f64],
+    ) -> Result<(), Diverged> {
+        let (hybrid, (q, v)) = (self.hybrid, state);
+        hybrid.load_where(is_smooth, state, self.theta, self.inputs, *step, memory);
+        let p = &self.theta[hybrid.mechanics_range()];
+        let Memory {
+            work,
+            acceleration: load,
+            bias,
+            ..
+        } = memory;
+        hybrid.mechanics.mass_matrix_into(q, p, work, mass);
+        hybrid.mechanics.bias_force_into(q, v, p, work, bias);
+        for ((f, load), bias) in force.iter_mut().zip(load.iter()).zip(bias.iter()) {
+            *f = load - bias;
+        }
+        Ok(())
+    }
+}
