@@ -1,9 +1,12 @@
 //! Mechanisms under holonomic constraints, against closed forms and against the same mechanisms in independent coordinates.
 #![allow(clippy::unwrap_used, clippy::panic)] // helpers of tests
 
+mod rows;
+
 use integrators::Rk4;
 use lagrange::constraint::{Constrained, Constraint};
 use lagrange::{Dynamics, Error, ForwardDynamicsDerivatives, Lagrangian, Mechanics, Scalar};
+use lagrange::{TextLagrangian, TextSource};
 use nalgebra::{DMatrix, DVector};
 
 const G: f64 = 9.81;
@@ -175,6 +178,7 @@ fn check_derivatives<M: Mechanics>(
     (q, v, force): (&[f64], &[f64], &[f64]),
     tolerance: f64,
 ) {
+    rows::assert_product(mechanism, (q, v, force));
     let p = mechanism.nominal();
     let constants: Vec<usize> = (0..p.len()).collect();
     let at = derivatives(mechanism, (q, v, force), &p, &constants);
@@ -211,7 +215,7 @@ fn check_derivatives<M: Mechanics>(
     }
     for j in 0..p.len() {
         compare(&at.by_p, j, "p", &|h| {
-            acceleration(q, v, force, &stepped(&p, j, h * p[j]))
+            acceleration(q, v, force, &stepped(&p, j, h))
         });
     }
     assert!((&at.by_force - at.by_force.transpose()).amax() < 1e-12 * (1.0 + at.by_force.amax()));
@@ -243,6 +247,49 @@ fn derivatives_of_the_constrained_acceleration_are_exact() {
         ),
         1e-6,
     );
+}
+
+/// Two masses in a plane, the first on a rod of length l and the second on one of length r with a spring: constants of the energies,
+/// of the constraints, of both.
+#[test]
+fn derivatives_in_the_constants_of_constraints_written_as_text_are_exact() {
+    let text = TextLagrangian::new(&TextSource {
+        coordinates: ["x", "z", "y", "h"].map(Into::into).to_vec(),
+        kinetic: "0.5*m*(x_dot^2 + z_dot^2) + 0.5*M*(1 + 0.2*sin(x)^2)*(y_dot^2 + h_dot^2)".into(),
+        potential: "m*g*z + M*g*h + 0.5*k*(x - y)^2 + r*x*h".into(),
+        constraints: vec![
+            "x^2 + z^2 = l^2".into(),
+            "sqrt((x - y)^2 + (z - h)^2) - r".into(),
+        ],
+        parameters: [
+            ("m", 0.2),
+            ("M", 0.7),
+            ("g", 9.81),
+            ("k", 3.0),
+            ("l", 0.5),
+            ("r", 0.4),
+        ]
+        .map(|(name, x)| (name.into(), x))
+        .to_vec(),
+        ..TextSource::default()
+    })
+    .unwrap();
+    let constraints = text.constraints().clone();
+    let coordinates = text.coordinates().to_vec();
+    let rods = Constrained::near(
+        Dynamics::new(text, coordinates).unwrap(),
+        constraints,
+        &[0.3, -0.4, 0.3, -0.8],
+    )
+    .unwrap();
+    assert_eq!(rods.constraint().len(), 2);
+    let uses: Vec<bool> = (0..6).map(|k| rods.constraint().uses_constant(k)).collect();
+    assert_eq!(uses, [false, false, false, false, true, true]);
+    let force = [0.3, -1.0, 2.0, 0.1];
+    let off = ([0.35, -0.4, 0.5, -0.7], [0.8, 0.3, -1.0, 0.5]);
+    let (q, v) = rods.project(&off.0, &off.1).unwrap();
+    check_derivatives(&rods, (&q, &v, &force), 1e-7);
+    check_derivatives(&rods, (&off.0, &off.1, &force), 1e-6);
 }
 
 /// The largest |φ|, |φ̇| and relative change of energy over `steps` of `h`.

@@ -3,6 +3,7 @@
 
 #[path = "../../../tests/common/load.rs"]
 mod load;
+mod rows;
 
 use std::path::Path;
 
@@ -375,6 +376,31 @@ fn derivatives_of_the_linkages_equal_differences() {
     }
 }
 
+#[test]
+fn a_row_times_the_derivatives_of_a_linkage_is_one_sweep() {
+    let (stewart, _) = stewart();
+    let cases: [(&Linkage, Vec<f64>, f64); 3] = [
+        (&four_bar(), vec![0.4, -0.3, 0.2], 2.0),
+        (&slider_crank(), vec![0.9, -0.8, 0.0], 5.0),
+        (&stewart, vec![0.03; 21], 0.4),
+    ];
+    for (linkage, near, speed) in cases {
+        let wave = |size: f64, phase: f64| -> Vec<f64> {
+            let entry = |i: usize| size * (2.3 * i as f64 + phase).sin();
+            (0..near.len()).map(entry).collect()
+        };
+        for phase in [0.1, 1.7, 4.0] {
+            // Off φ = 0, φ̇ = 0, where the stabilisation pulls, and on it.
+            let shift = wave(0.02, phase);
+            let q: Vec<f64> = near.iter().zip(&shift).map(|(q, d)| q + d).collect();
+            let (v, force) = (wave(speed, 2.0 * phase), wave(3.0, 3.0 * phase));
+            rows::assert_product(linkage, (&q, &v, &force));
+            let (q, v) = linkage.project(&q, &v).unwrap();
+            rows::assert_product(linkage, (&q, &v, &force));
+        }
+    }
+}
+
 /// Two equal cranks of length `r` on pivots `d` apart, joined by a coupler of length `d`: a parallelogram.
 fn parallelogram(plane: &str) -> Dynamics<Tree> {
     let link = |name: &str, length: f64| {
@@ -605,6 +631,9 @@ fn a_floating_body_on_a_pin_turns_about_it() {
 
     // Derivatives along the velocities of the body.
     let push: Vec<f64> = (0..6).map(|i| (1.3 * f64::from(i)).sin()).collect();
+    rows::assert_product(&top, (&q, &v, &push));
+    let off = [q[0] + 0.02, q[1], q[2] - 0.03, q[3], q[4], q[5], q[6]];
+    rows::assert_product(&top, (&off, &[0.3, -0.2, 0.5, 2.0, -1.0, 3.0], &push));
     let at = top.forward_dynamics_derivatives(&q, &v, &push).unwrap();
     for j in 0..6 {
         let accelerate = |h: f64| {

@@ -4,10 +4,10 @@ use nalgebra::{DMatrix, DVector};
 
 use super::kinematics::{Kinematics, Room, Sizes};
 use super::{Constraint, Dropped, Holonomic, independent, project};
-use crate::InverseDynamicsGradient;
-use crate::equations::cholesky;
+use crate::equations::{cholesky, gradient};
 use crate::{Coordinate, Error, ForwardDynamicsDerivatives, InverseDynamicsDerivatives};
-use crate::{Formulas, FormulasError, LANES, Mechanics, Parameter, Workspace};
+use crate::{Formulas, FormulasError, ForwardDynamicsGradient, InverseDynamicsGradient};
+use crate::{LANES, Mechanics, Parameter, Workspace};
 
 /// ω of the stabilisation φ̈ + 2 ω φ̇ + ω² φ = 0 unless another is asked for, 1/s: a deviation decays in some 20 ms, and the
 /// classical Runge-Kutta method is stable with steps up to 50 ms.
@@ -617,6 +617,27 @@ impl<M: Mechanics, C: Constraint> Mechanics for Constrained<M, C> {
     ) -> Result<(), Error> {
         let mut room = std::mem::take(&mut work.constraint);
         let solved = self.derivatives((q, v, force), p, constants, work, &mut room, out);
+        work.constraint = room;
+        solved
+    }
+
+    /// The stabilised acceleration and a row times its derivatives, by one solution with the transposed equations; where M depends on
+    /// v, a product with the whole derivatives.
+    fn forward_dynamics_gradient_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        force: &[f64],
+        p: &[f64],
+        weight: &[f64],
+        work: &mut Workspace,
+        out: &mut ForwardDynamicsGradient,
+    ) -> Result<(), Error> {
+        if self.mass_by_velocity {
+            return gradient::of_forward_dynamics(self, (q, v, force), p, weight, work, out);
+        }
+        let mut room = std::mem::take(&mut work.constraint);
+        let solved = self.gradient((q, v, force), p, weight, work, &mut room, out);
         work.constraint = room;
         solved
     }

@@ -63,6 +63,10 @@ impl<M: Mechanics, C: Constraint> Constrained<M, C> {
 
         // In the constants, one by one: there may be more of them than velocities.
         for (k, &constant) in constants.iter().enumerate() {
+            if !kinematics.constraint.uses_constant(constant) {
+                obey(&mut out.by_p.columns_mut(k, 1), false, room);
+                continue;
+            }
             let constant = Variable::Constant(constant);
             kinematics.by_variable((q, v, a), p, rate, constant, 0, room);
             kinematics.force_by(q, p, constant, 0, room);

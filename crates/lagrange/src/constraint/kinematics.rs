@@ -1,7 +1,7 @@
 //! φ and its derivatives along motions, by dual numbers; and the memory for them.
 
 use nalgebra::{DMatrix, DVector};
-use num_dual::{Dual64, HyperDual64, HyperHyperDual64};
+use num_dual::{Dual2, Dual64, HyperDual64, HyperHyperDual64};
 
 use super::Constraint;
 use crate::{Coordinate, ForwardDynamicsDerivatives, Scalar};
@@ -20,8 +20,10 @@ pub(super) enum Variable {
 pub(crate) struct Room {
     real: Lane<f64>,
     dual: Lane<Dual64>,
-    hyper: Lane<HyperDual64>,
+    pub(super) hyper: Lane<HyperDual64>,
     third: Lane<HyperHyperDual64>,
+    /// Time in the outer number, a variable in the inner one.
+    pub(super) taylor: Lane<Dual2<Dual64>>,
     /// φ, φ̇ = J v and J̇ v of the last [`Kinematics::along`].
     pub position: DVector<f64>,
     pub velocity: DVector<f64>,
@@ -53,13 +55,13 @@ pub(crate) struct Room {
 
 /// The arguments and the residuals on one number type.
 #[derive(Debug, Clone)]
-struct Lane<D> {
-    q: Vec<D>,
-    v: Vec<D>,
-    rate: Vec<D>,
-    p: Vec<D>,
+pub(super) struct Lane<D> {
+    pub q: Vec<D>,
+    pub v: Vec<D>,
+    pub rate: Vec<D>,
+    pub p: Vec<D>,
     /// Of all equations, the dropped ones too.
-    out: Vec<D>,
+    pub out: Vec<D>,
 }
 
 impl<D> Default for Lane<D> {
@@ -85,7 +87,7 @@ impl<D: Scalar> Lane<D> {
         }
     }
 
-    fn set(&mut self, q: &[f64], v: &[f64], p: &[f64]) {
+    pub fn set(&mut self, q: &[f64], v: &[f64], p: &[f64]) {
         for (to, from) in [(&mut self.q, q), (&mut self.v, v), (&mut self.p, p)] {
             for (d, &x) in to.iter_mut().zip(from) {
                 *d = D::constant(x);
@@ -93,7 +95,7 @@ impl<D: Scalar> Lane<D> {
         }
     }
 
-    fn unit_velocity(&mut self, j: usize) {
+    pub fn unit_velocity(&mut self, j: usize) {
         self.v.fill(D::zero());
         self.v[j] = D::constant(1.0);
     }
@@ -116,6 +118,7 @@ impl Room {
             dual: Lane::new(nq, nv, np, equations),
             hyper: Lane::new(nq, nv, np, equations),
             third: Lane::new(nq, nv, np, equations),
+            taylor: Lane::new(nq, nv, np, equations),
             position: DVector::zeros(kept),
             velocity: DVector::zeros(kept),
             bias: DVector::zeros(kept),

@@ -233,4 +233,8 @@ impl Constraint for Loops {
             }
         }
     }
+
+    fn uses_constant(&self, _index: usize) -> bool {
+        false
+    }
 }

@@ -41,6 +41,7 @@
 
 mod constrained;
 mod derivatives;
+mod gradient;
 mod independent;
 mod kinematics;
 mod loops;
@@ -111,6 +112,12 @@ pub trait Constraint: Send + Sync {
     fn residual_with<D: Scalar>(&self, q: &[D], _p: &[D], out: &mut [D]) {
         self.residual(q, out);
     }
+
+    /// Whether [`residual_with`](Self::residual_with) depends on constant `index` of the mechanism. Where it does not, derivatives in
+    /// this constant are not looked for; `true` is never wrong.
+    fn uses_constant(&self, _index: usize) -> bool {
+        true
+    }
 }
 
 /// The equations of both, the first's before the second's.
@@ -133,6 +140,9 @@ impl<A: Constraint, B: Constraint> Constraint for (A, B) {
         let (first, second) = out.split_at_mut(self.0.len());
         self.0.residual_with(q, p, first);
         self.1.residual_with(q, p, second);
+    }
+    fn uses_constant(&self, index: usize) -> bool {
+        self.0.uses_constant(index) || self.1.uses_constant(index)
     }
 }
 

@@ -87,6 +87,10 @@ impl Constraint for TextConstraints {
             *out = formula.evaluate(|slot| if slot < n { q[slot] } else { p[slot - 2 * n] });
         }
     }
+
+    fn uses_constant(&self, index: usize) -> bool {
+        self.uses(2 * self.coordinates + index)
+    }
 }
 
 /// A formula with at most one `=`: φ = left − right.
