@@ -8,7 +8,7 @@ mod common {
 use std::fmt::Write;
 
 use common::load::tree;
-use lagrange::constraint::{Constrained, Constraint};
+use lagrange::constraint::{Constrained, Constraint, LinkPoint, Loop, Loops};
 use lagrange::mechanism::Tree;
 use lagrange::urdf::Options;
 use lagrange::{
@@ -370,6 +370,25 @@ impl Constraint for Rods {
 fn masses_on_rods() {
     let pendulum = Constrained::new(Dynamics::of(Masses), Rods).unwrap();
     assert_no_allocation(&pendulum, &[0.6, -0.8, 1.6, -0.8]);
+}
+
+#[test]
+fn a_closed_loop() {
+    let urdf = include_str!("../models/four_bar/four_bar.urdf");
+    let free = tree(urdf, &Options::default());
+    let point = |link: &str, point: [f64; 3]| LinkPoint {
+        link: link.into(),
+        point,
+    };
+    let pin = Loop {
+        name: "pin".into(),
+        a: point("coupler", [0.24, 0.0, 0.07]),
+        b: point("rocker", [0.0, 0.0, 0.17]),
+        components: [true, false, true],
+    };
+    let loops = Loops::new(free.lagrangian(), vec![pin]).unwrap();
+    let four_bar = Constrained::new(free, loops).unwrap();
+    assert_no_allocation(&four_bar, &[0.4, -0.3, 0.2]);
 }
 
 #[test]

@@ -401,6 +401,46 @@ fn a_row_times_the_derivatives_of_a_linkage_is_one_sweep() {
     }
 }
 
+#[test]
+fn a_row_times_the_derivatives_of_a_loop_over_a_joint_that_follows_another() {
+    let joint = |name: &str, kind: &str, parent: &str, axis: &str, mimic: &str| {
+        format!(
+            r#"<link name="{name}"><inertial><origin xyz="0.1 0 0.05"/><mass value="1"/>
+  <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.01"/></inertial></link>
+<joint name="j{name}" type="{kind}"><parent link="{parent}"/><child link="{name}"/><origin xyz="0.2 0.1 -0.1" rpy="0.3 -0.2 0.5"/>
+  <axis xyz="{axis}"/><limit lower="-9" upper="9" effort="9" velocity="9"/>{mimic}</joint>"#
+        )
+    };
+    let text = [
+        r#"<robot name="follower"><link name="world"/>"#.to_owned(),
+        joint("a", "revolute", "world", "0 1 0.2", ""),
+        joint("b", "prismatic", "a", "1 0 0.4", ""),
+        joint(
+            "c",
+            "revolute",
+            "b",
+            "0.1 1 0",
+            r#"<mimic joint="ja" multiplier="-0.5" offset="0.1"/>"#,
+        ),
+        joint("d", "revolute", "c", "1 0 0", ""),
+        "</robot>".to_owned(),
+    ]
+    .concat();
+    let free = tree(&text, &Options::default());
+    let (start, tip) = (vec![0.3, -0.1, 0.7], [0.1, 0.2, -0.15]);
+    let link = (free.lagrangian().links().iter())
+        .position(|l| l.name == "d")
+        .unwrap();
+    let place = free.lagrangian().point_position(&start, link, tip);
+    let held = pin("tip", ("d", tip), ("world", place), [false, true, true]);
+    let loops = Loops::new(free.lagrangian(), vec![held]).unwrap();
+    let follower = Constrained::near(free, loops, &start).unwrap();
+    assert_eq!((follower.nv(), follower.names().len()), (3, 2));
+    let (v, force) = ([0.8, -0.3, 1.2], [0.4, 2.0, -1.0]);
+    rows::assert_product(&follower, (&start, &v, &force));
+    rows::assert_product(&follower, (&[0.33, -0.12, 0.6], &v, &force));
+}
+
 /// Two equal cranks of length `r` on pivots `d` apart, joined by a coupler of length `d`: a parallelogram.
 fn parallelogram(plane: &str) -> Dynamics<Tree> {
     let link = |name: &str, length: f64| {

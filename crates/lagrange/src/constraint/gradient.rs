@@ -14,6 +14,9 @@
 //! wᵀ ∂v̇/∂x = −μᵀ ∂ID/∂x + μᵀ ∂Q/∂x + ∂s/∂x,  s = λᵀ J μ − νᵀ r,
 //!
 //! at fixed v̇, λ, μ, ν: the gradient of the free inverse dynamics along μ, wᵀ ∂v̇/∂Q = μᵀ, and the gradient of one number s.
+//!
+//! That gradient takes two forces Jᵀ λ on dual numbers where the constraint has a formula for them, as closed loops have; else two
+//! residuals on dual numbers for every coordinate.
 
 use num_dual::{Dual2, Dual64};
 
@@ -65,12 +68,16 @@ impl<M: Mechanics, C: Constraint> Constrained<M, C> {
             mu,
             rate: self.rate(),
         };
-        for j in 0..v.len() {
-            let (by_q, by_v) = kinematics.by_position_and_velocity(&at, p, j, room);
-            out.by_q[j] += by_q;
-            out.by_v[j] += by_v;
+        let (by_q, by_v) = (out.by_q.as_mut_slice(), out.by_v.as_mut_slice());
+        if !kinematics.by_force(&at, p, room, by_q, by_v) {
+            for j in 0..v.len() {
+                let (of_q, of_v) = kinematics.by_position_and_velocity(&at, p, j, room);
+                by_q[j] += of_q;
+                by_v[j] += of_v;
+            }
         }
         if self.coordinates().iter().any(|c| c.floating) {
+            // ∂s/∂v has −νᵀ J [v, e_j] besides.
             room.force.gemv_tr(1.0, &room.jacobian, &room.rhs, 0.0);
             let mut iv = 0;
             for coordinate in self.coordinates() {
@@ -103,6 +110,58 @@ struct Motion<'a> {
 }
 
 impl<C: Constraint> Kinematics<'_, C> {
+    /// Adds ∂s/∂q and ∂s/∂v, if the constraint knows its force Jᵀ λ and no joint floats, q̇ = v.
+    ///
+    /// As ∂²φ/∂q² is symmetric, ∂(λᵀ J μ)/∂q is the rate of Jᵀ λ along μ; and the derivatives of νᵀ φ, νᵀ φ̇, νᵀ φ̈ in q at fixed v, v̇ are
+    /// Jᵀ ν and its two rates along the motion: one force on dual numbers each, whatever the number of coordinates.
+    fn by_force(
+        &self,
+        at: &Motion,
+        p: &[f64],
+        room: &mut Room,
+        by_q: &mut [f64],
+        by_v: &mut [f64],
+    ) -> bool {
+        if self.coordinates.iter().any(|c| c.floating) {
+            return false;
+        }
+        // Of all equations; 0 of those that are dropped.
+        let of_all = &mut room.real.out;
+        of_all.fill(0.0);
+        for (multiplier, &equation) in room.rhs.iter().zip(self.kept) {
+            of_all[equation] = *multiplier;
+        }
+        let lane = &mut room.second;
+        lane.set(&[], &[], p);
+        for (i, d) in lane.q.iter_mut().enumerate() {
+            *d = Dual2::new(at.q[i], at.v[i], at.a[i]);
+        }
+        lane.rate.fill(0.0.into());
+        let known = (self.constraint).add_force_with(&lane.q, &lane.p, of_all, &mut lane.rate);
+        if !known {
+            return false;
+        }
+        let omega = at.rate;
+        for ((by_q, by_v), force) in by_q.iter_mut().zip(by_v).zip(&lane.rate) {
+            *by_q -= force.v2 + 2.0 * omega * force.v1 + omega * omega * force.re;
+            *by_v -= 2.0 * (force.v1 + omega * force.re);
+        }
+        for (multiplier, &equation) in room.multipliers.iter().zip(self.kept) {
+            of_all[equation] = *multiplier;
+        }
+        let lane = &mut room.dual;
+        lane.set(&[], &[], p);
+        for (i, d) in lane.q.iter_mut().enumerate() {
+            *d = Dual64::new(at.q[i], at.mu[i]);
+        }
+        lane.rate.fill(0.0.into());
+        (self.constraint).add_force_with(&lane.q, &lane.p, of_all, &mut lane.rate);
+        for (by_q, force) in by_q.iter_mut().zip(&lane.rate) {
+            *by_q += force.eps;
+        }
+        true
+    }
+
     /// ∂s/∂q along the velocity e_j; and ∂s/∂v_j, but for −νᵀ J [v, e_j] where a joint floats.
     ///
     /// As q̇ is linear in v, ∂φ̇/∂v = J and ∂φ̈/∂v_j = 2 ∂φ̇/∂q_j, where the order of two velocities does not matter. Where it does,

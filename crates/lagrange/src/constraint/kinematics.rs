@@ -18,12 +18,14 @@ pub(super) enum Variable {
 /// Scratch memory of the constraints for one thread; empty where there are none.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Room {
-    real: Lane<f64>,
-    dual: Lane<Dual64>,
+    pub(super) real: Lane<f64>,
+    pub(super) dual: Lane<Dual64>,
     pub(super) hyper: Lane<HyperDual64>,
     third: Lane<HyperHyperDual64>,
     /// Time in the outer number, a variable in the inner one.
     pub(super) taylor: Lane<Dual2<Dual64>>,
+    /// Along time.
+    pub(super) second: Lane<Dual2<f64>>,
     /// φ, φ̇ = J v and J̇ v of the last [`Kinematics::along`].
     pub position: DVector<f64>,
     pub velocity: DVector<f64>,
@@ -119,6 +121,7 @@ impl Room {
             hyper: Lane::new(nq, nv, np, equations),
             third: Lane::new(nq, nv, np, equations),
             taylor: Lane::new(nq, nv, np, equations),
+            second: Lane::new(nq, nv, np, equations),
             position: DVector::zeros(kept),
             velocity: DVector::zeros(kept),
             bias: DVector::zeros(kept),

@@ -103,6 +103,8 @@ pub struct Loops {
     tree: Tree,
     /// Links of both points of every loop.
     links: Vec<(usize, usize)>,
+    /// Ways from the root to both points of every loop; none where one leads over a joint that floats.
+    paths: Option<Vec<(Vec<usize>, Vec<usize>)>>,
     /// Loop and component of every equation.
     equations: Vec<(usize, usize)>,
 }
@@ -171,6 +173,9 @@ impl Loops {
         });
         Ok(Loops {
             equations: equations.collect(),
+            paths: (links.iter())
+                .map(|&(a, b)| Some((tree.path(a)?, tree.path(b)?)))
+                .collect(),
             links,
             tree: tree.clone(),
             loops,
@@ -236,5 +241,32 @@ impl Constraint for Loops {
 
     fn uses_constant(&self, _index: usize) -> bool {
         false
+    }
+
+    /// The forces λ at a and −λ at b.
+    fn add_force_with<D: Scalar>(
+        &self,
+        q: &[D],
+        _p: &[D],
+        multipliers: &[f64],
+        out: &mut [D],
+    ) -> bool {
+        let Some(paths) = &self.paths else {
+            return false;
+        };
+        let mut equations = self.equations.iter().zip(multipliers).peekable();
+        for (i, (l, on)) in self.loops.iter().zip(paths).enumerate() {
+            let mut force = [0.0; 3];
+            while let Some(((_, component), x)) = equations.next_if(|((of, _), _)| *of == i) {
+                force[*component] = *x;
+            }
+            let &(a, b) = &self.links[i];
+            self.tree
+                .add_point_force(q, (a, &on.0), l.a.point, force, out);
+            let opposite = force.map(|x| -x);
+            self.tree
+                .add_point_force(q, (b, &on.1), l.b.point, opposite, out);
+        }
+        true
     }
 }

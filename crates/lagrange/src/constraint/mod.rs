@@ -118,6 +118,18 @@ pub trait Constraint: Send + Sync {
     fn uses_constant(&self, _index: usize) -> bool {
         true
     }
+
+    /// Adds ∂(λᵀ φ)/∂q to `out`, one entry a number of q, for one number λ an equation: the generalized force Jᵀ λ. `false` where there
+    /// is no formula for it, as is always right: dual numbers find it then, one entry at a time, and `out` is of no use.
+    fn add_force_with<D: Scalar>(
+        &self,
+        _q: &[D],
+        _p: &[D],
+        _multipliers: &[f64],
+        _out: &mut [D],
+    ) -> bool {
+        false
+    }
 }
 
 /// The equations of both, the first's before the second's.
@@ -143,6 +155,16 @@ impl<A: Constraint, B: Constraint> Constraint for (A, B) {
     }
     fn uses_constant(&self, index: usize) -> bool {
         self.0.uses_constant(index) || self.1.uses_constant(index)
+    }
+    fn add_force_with<D: Scalar>(
+        &self,
+        q: &[D],
+        p: &[D],
+        multipliers: &[f64],
+        out: &mut [D],
+    ) -> bool {
+        let (first, second) = multipliers.split_at(self.0.len());
+        self.0.add_force_with(q, p, first, out) && self.1.add_force_with(q, p, second, out)
     }
 }
 

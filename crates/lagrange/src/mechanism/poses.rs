@@ -51,6 +51,79 @@ impl Tree {
         x
     }
 
+    /// The nodes from the root to a link; none where a joint among them floats.
+    pub(crate) fn path(&self, link: usize) -> Option<Vec<usize>> {
+        let mut path = Vec::new();
+        let mut next = self.links.get(link)?.body.map(|b| self.bodies[b].node);
+        while let Some(i) = next {
+            let node = &self.nodes[i];
+            if node.freedom == Freedom::Free {
+                return None;
+            }
+            path.push(i);
+            next = node.parent;
+        }
+        path.reverse();
+        Some(path)
+    }
+
+    /// Adds the generalized force of a force, N in the world's axes, on the point that stands at `point` in the frame of a link with
+    /// this [`path`](Self::path): force · ∂x/∂q.
+    ///
+    /// From the root outward, force f and moment n about a frame's origin are taken into the next frame, Rᵀ f and Rᵀ (n − p × f). A
+    /// joint that turns takes n_z, one that slides f_z.
+    pub(crate) fn add_point_force<D: Scalar>(
+        &self,
+        q: &[D],
+        (link, path): (usize, &[usize]),
+        point: [f64; 3],
+        force: [f64; 3],
+        out: &mut [D],
+    ) {
+        if path.is_empty() || force == [0.0; 3] {
+            return;
+        }
+        let [x, y, z] = self.point_position(q, link, point);
+        let [a, b, c] = force;
+        let mut moment = [y * c - z * b, z * a - x * c, x * b - y * a];
+        let mut force = force.map(D::constant);
+        for (k, &i) in path.iter().enumerate() {
+            let node = &self.nodes[i];
+            if let Some([a, b, c]) = node.translation {
+                let [x, y, z] = force;
+                let shift = [z * b - y * c, x * c - z * a, y * a - x * b];
+                moment = [0, 1, 2].map(|k| moment[k] - shift[k]);
+            }
+            force = rotate_back(&node.rotation, &force);
+            moment = rotate_back(&node.rotation, &moment);
+            let along = match node.freedom {
+                Freedom::Turn => moment[2],
+                _ => force[2],
+            };
+            out[node.q] = out[node.q]
+                + match node.follow {
+                    None => along,
+                    Some((ratio, _)) => along * ratio,
+                };
+            if k + 1 == path.len() {
+                return;
+            }
+            let position = node.position(q);
+            match node.freedom {
+                Freedom::Turn => {
+                    let (sin, cos) = position.sin_cos();
+                    for [x, y, _] in [&mut force, &mut moment] {
+                        (*x, *y) = (cos * *x + sin * *y, cos * *y - sin * *x);
+                    }
+                }
+                _ => {
+                    moment[0] = moment[0] + position * force[1];
+                    moment[1] = moment[1] - position * force[0];
+                }
+            }
+        }
+    }
+
     /// The pose of every node's frame in the world.
     pub(super) fn node_poses_into(&self, q: &[f64], out: &mut Vec<Isometry3<f64>>) {
         out.clear();
@@ -134,5 +207,13 @@ fn rotate<D: Scalar>(rotation: &Rotation, x: &[D; 3]) -> [D; 3] {
     match rotation {
         None => *x,
         Some([a, b, c]) => [0, 1, 2].map(|k| x[0] * a[k] + x[1] * b[k] + x[2] * c[k]),
+    }
+}
+
+/// Rᵀ x for a constant rotation R.
+fn rotate_back<D: Scalar>(rotation: &Rotation, x: &[D; 3]) -> [D; 3] {
+    match rotation {
+        None => *x,
+        Some(columns) => columns.map(|[a, b, c]| x[0] * a + x[1] * b + x[2] * c),
     }
 }
