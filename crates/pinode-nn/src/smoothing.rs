@@ -21,8 +21,11 @@ use crate::model::Model;
 use crate::motion::NotFree;
 use crate::shooting::{Roller, Trajectory, Window, wrap_angle};
 
-/// A difference above this part of the sensor noise is worth a word: what the choice of an integration step may change as well.
+/// From this part of the sensor noise on a difference begins: what the choice of an integration step may change as well.
 pub const NOTICEABLE: f64 = 0.3;
+
+/// Root mean square, in units of the sensor noise, above which a difference is worth a word: more than the noise that hides it.
+pub const VISIBLE: f64 = 1.0;
 
 /// The difference between free runs with smoothed and with set-valued friction, from the same states under the same inputs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -62,9 +65,9 @@ pub struct Onset {
 }
 
 impl SmoothingError {
-    /// The coordinates that smoothing moves by more than [`NOTICEABLE`], root mean square.
-    pub fn noticeable(&self) -> impl Iterator<Item = &Difference> {
-        let moved = |c: &&Difference| c.rms > NOTICEABLE;
+    /// The coordinates that smoothing moves by more than [`VISIBLE`], root mean square.
+    pub fn visible(&self) -> impl Iterator<Item = &Difference> {
+        let moved = |c: &&Difference| c.rms > VISIBLE;
         self.coordinates.iter().filter(moved)
     }
 }

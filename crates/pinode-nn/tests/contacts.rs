@@ -14,7 +14,7 @@ use pinode_nn::hybrid::Hybrid;
 use pinode_nn::log::{Log, Run};
 use pinode_nn::model::Model;
 use pinode_nn::motion::NotFree;
-use pinode_nn::smoothing::{NOTICEABLE, check};
+use pinode_nn::smoothing::{NOTICEABLE, VISIBLE, check};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -40,12 +40,12 @@ fn coulomb(model: &Model) -> f64 {
 }
 
 /// A block of 1 kg on a table, pushed by `push`, with these effects on `x`.
-fn block(effects: &str) -> Model {
+fn block(noise: f64, effects: &str) -> Model {
     let text = format!(
         "name = \"block\"\n\
          lagrangian = {{ coordinates = [\"x\"], kinetic = \"0.5*x_dot^2\", potential = \"0\" }}\n\
          [[input]]\nname = \"push\"\njoint = \"x\"\n\
-         [sensor.x]\nposition_noise = 3e-4\nvelocity = \"none\"\n\
+         [sensor.x]\nposition_noise = {noise:e}\nvelocity = \"none\"\n\
          [tolerance]\ngain = 0.0\n\
          {effects}"
     );
@@ -214,7 +214,7 @@ fn a_lively_log_does_not_show_the_smoothing() {
     let found = check(&model, &[log(&t, &u, &states)], &options).unwrap();
     eprintln!("{found:?}");
     assert_eq!(found.stopped, 0);
-    assert_eq!(found.noticeable().count(), 0);
+    assert_eq!(found.visible().count(), 0);
     for c in &found.coordinates {
         assert!(c.rms < 0.1, "{}: {}", c.name, c.rms);
     }
@@ -236,7 +236,7 @@ fn a_log_that_holds_still_shows_that_smoothed_friction_creeps() {
     let found = check(&model, &[log(&t, &u, &states)], &options).unwrap();
     let slider = &found.coordinates[0];
     eprintln!("{found:?}");
-    assert_eq!(found.noticeable().next(), Some(slider));
+    assert_eq!(found.visible().next(), Some(slider));
     let creep = 3e-3 * 0.9_f64.atanh() * options.horizon / slider.noise;
     assert!(
         (0.9 * creep..1.05 * creep).contains(&slider.largest),
@@ -268,7 +268,10 @@ fn a_cart_that_sticks_stays_while_its_pole_swings() {
 #[test]
 fn a_slide_ends_at_the_instant_of_its_formula() {
     // v = 0.5 − F t, x = 0.5 t − F t²/2
-    let model = block("[[effect]]\nkind = \"coulomb_friction\"\njoint = \"x\"\nforce = 0.3\n");
+    let model = block(
+        3e-4,
+        "[[effect]]\nkind = \"coulomb_friction\"\njoint = \"x\"\nforce = 0.3\n",
+    );
     let hybrid = Hybrid::of(&model);
     let (t, theta) = (times(4.0), hybrid.theta());
     let inputs = hybrid.drive(&t, &[vec![0.0; t.len()]], 3, &theta, &[]);
@@ -289,6 +292,7 @@ fn a_slide_ends_at_the_instant_of_its_formula() {
 #[test]
 fn dry_frictions_on_one_joint_add() {
     let model = block(
+        3e-4,
         "[[effect]]\nkind = \"coulomb_friction\"\njoint = \"x\"\nforce = 1.0\n\
          [[effect]]\nkind = \"stribeck_friction\"\njoint = \"x\"\n\
          coulomb_force = 0.5\nstatic_force = 0.8\nstribeck_velocity = 0.05\n\
@@ -332,7 +336,11 @@ fn under_constraints_contacts_are_refused() {
 #[test]
 fn a_diagnosis_says_where_smoothed_friction_creeps() {
     const FORCE: f64 = 2.0;
-    let model = block("[[effect]]\nkind = \"coulomb_friction\"\njoint = \"x\"\nforce = 2.0\n");
+    const NOISE: f64 = 1e-4;
+    let model = block(
+        NOISE,
+        "[[effect]]\nkind = \"coulomb_friction\"\njoint = \"x\"\nforce = 2.0\n",
+    );
     let t = times(40.0);
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let mut push = 0.0;
@@ -356,7 +364,7 @@ fn a_diagnosis_says_where_smoothed_friction_creeps() {
     let mut text = "t,q.x,u.push\n".to_owned();
     for ((t, u), x) in t.iter().zip(&u).zip(&states) {
         let noise: f64 = rng.sample(StandardNormal);
-        text += &format!("{t},{},{u}\n", x[0] + 3e-4 * noise);
+        text += &format!("{t},{},{u}\n", x[0] + NOISE * noise);
     }
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("log.csv");
@@ -367,7 +375,7 @@ fn a_diagnosis_says_where_smoothed_friction_creeps() {
     eprintln!("{numerics:?}\n{:?}", outcome.diagnosis.advice);
     let found = numerics.set_valued.as_ref().unwrap();
     assert_eq!((found.windows, found.stopped), (24, 0));
-    assert!(found.coordinates[0].rms > NOTICEABLE);
+    assert!(found.coordinates[0].rms > VISIBLE);
     let said =
         |advice: &String| advice.contains("friction that sticks") && advice.contains("`q.x`");
     assert!(outcome.diagnosis.advice.iter().any(said));

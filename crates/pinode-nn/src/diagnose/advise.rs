@@ -58,7 +58,7 @@ pub fn advise(
             excess.join(", ")
         ));
     }
-    for moved in numerics.set_valued.iter().flat_map(|s| s.noticeable()) {
+    for moved in numerics.set_valued.iter().flat_map(|s| s.visible()) {
         let from = moved.starts.map_or(String::new(), |start| {
             format!(", first at t = {:.2} s", start.t)
         });
