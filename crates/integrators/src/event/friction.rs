@@ -45,8 +45,8 @@ pub struct At<'a> {
 pub trait Friction: Send + Sync {
     /// Against a slide in `direction` with `speed` = |w·v|: the force is −sign(direction) times it.
     ///
-    /// Smooth in the speed and the state for each direction. A trial step past the point of rest asks with a speed a little below 0:
-    /// the formula goes on smoothly.
+    /// Smooth in the speed and the state for each direction. At least 0 for speeds of at least 0. A trial step past the point of
+    /// rest asks with a speed a little below 0: the formula goes on smoothly, there also to forces below 0.
     fn sliding(&self, direction: Direction, speed: f64, at: At<'_>) -> f64;
 
     /// What friction at rest holds against a motion in `direction`, not less than [`sliding`](Self::sliding) at speed 0, which is

@@ -57,7 +57,8 @@ impl Law {
     /// A stop: the gap g = w·q + `offset` stays at or above 0 by a force λ ≥ 0 that is there only at g = 0. An impact turns the
     /// velocity of approach ġ⁻ = w·v⁻ < 0 into ġ⁺ = −e ġ⁻ (Newton), with the `restitution` e in [0, 1].
     ///
-    /// Two of them with w and −w make a stop for both sides.
+    /// Two of them with w and −w make a stop for both sides. Stops that are struck in one instant and depend on each other keep energy
+    /// from rising only if they have one e: Newton's law with different ones can add to it.
     pub fn stop(direction: &[f64], offset: f64, restitution: f64) -> Self {
         Self::stop_of_gap(direction, direction, offset, restitution)
     }

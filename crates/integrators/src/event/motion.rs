@@ -123,7 +123,9 @@ impl<'a, S: ContactSystem> Motion<'a, S> {
             {
                 let speed = direction.sign() * law.slip(v).0;
                 let value = size.sliding(direction, speed, At { time, q, v });
-                check_friction(index, direction, time, value)?;
+                // A trial step past the point of rest goes on smoothly, if need be to forces below 0.
+                let sized = if speed < 0.0 { value.abs() } else { value };
+                check_friction(index, direction, time, sized)?;
                 let force = -direction.sign() * value;
                 for (f, w) in acceleration.iter_mut().zip(&law.direction) {
                     *f += w * force;
@@ -233,15 +235,9 @@ impl<'a, S: ContactSystem> Motion<'a, S> {
             let rounding = super::RELEASE * work.reaction_scale[k];
             *margin = match (*contact, &law.kind) {
                 (Contact::Slides(_), _) if idle[k] => f64::INFINITY,
-                (Contact::Slides(direction), Kind::Friction { size, .. }) => {
+                (Contact::Slides(direction), Kind::Friction { .. }) => {
                     let (slip, rounding) = law.slip(v);
-                    let margin = direction.sign() * slip + rounding;
-                    // Without friction at rest a turn changes nothing.
-                    if margin < 0.0 && levels(k, size.as_ref(), at)? == (0.0, 0.0) {
-                        f64::INFINITY
-                    } else {
-                        margin
-                    }
+                    direction.sign() * slip + rounding
                 }
                 (Contact::Slides(_), Kind::Stop { .. }) => f64::INFINITY,
                 (Contact::Open, _) => {

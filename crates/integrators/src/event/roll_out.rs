@@ -66,6 +66,9 @@ where
         }
     };
     let mut stepper = EventStepper::new(system, laws).map_err(fail(start))?;
+    stepper
+        .check_start(system, start, initial)
+        .map_err(fail(start))?;
     let mut x = initial.to_vec();
     let mut states = Vec::with_capacity(times.len());
     states.push(x.clone());

@@ -1,9 +1,11 @@
 //! Steps that end at events.
 
 use super::error::ContactError;
+use super::friction::At;
 use super::impact::{Impact, rest};
+use super::law::Kind;
 use super::mode::Mode;
-use super::motion::{Contact, Work};
+use super::motion::{Contact, Work, levels};
 use super::root::last_bracket;
 use super::{ContactSystem, Event, EventKind, Law};
 use crate::{Rk4, Space};
@@ -130,13 +132,7 @@ impl<S: ContactSystem> EventStepper<S> {
         u: &S::Input,
         x: &mut [f64],
     ) -> Result<(), ContactError<S::Error>> {
-        let expected = system.positions().dim() + system.positions().tangent_dim();
-        if x.len() != expected {
-            return Err(ContactError::State {
-                found: x.len(),
-                expected,
-            });
-        }
+        check_length(system, x)?;
         if !(duration >= 0.0 && (start + duration).is_finite()) || steps == 0 {
             return Err(ContactError::Duration { duration, steps });
         }
@@ -144,9 +140,11 @@ impl<S: ContactSystem> EventStepper<S> {
         if self.started && self.last == x {
             self.note_rest();
         } else {
-            self.check_gaps(system, start, x)?;
+            self.check_start(system, start, x)?;
             self.still.fill(false);
+            self.started = false;
         }
+        self.changes.fill(0);
         self.let_go.fill(false);
         self.count = 0;
         self.settle(system, start, u, x)?;
@@ -158,8 +156,15 @@ impl<S: ContactSystem> EventStepper<S> {
         Ok(())
     }
 
-    /// Refuses a state behind a stop.
-    fn check_gaps(&self, system: &S, time: f64, x: &[f64]) -> Result<(), ContactError<S::Error>> {
+    /// Refuses a state of the wrong length, one that is no number, and one behind a stop.
+    pub(super) fn check_start(
+        &self,
+        system: &S,
+        time: f64,
+        x: &[f64],
+    ) -> Result<(), ContactError<S::Error>> {
+        check_length(system, x)?;
+        check_finite(time, x)?;
         let (q, _) = x.split_at(system.positions().dim());
         for (law, gap) in self.laws.iter().map(|law| law.gap(q)).enumerate() {
             if gap.0 < -gap.1 {
@@ -267,7 +272,7 @@ impl<S: ContactSystem> EventStepper<S> {
         x: &mut [f64],
     ) -> Result<(), ContactError<S::Error>> {
         self.note_rest();
-        let (_, v) = x.split_at_mut(system.positions().dim());
+        let (q, v) = x.split_at_mut(system.positions().dim());
         for (k, law) in self.laws.iter().enumerate() {
             let happens = self.margin[k] < 0.0;
             let contact = self.mode.contacts[k];
@@ -275,7 +280,13 @@ impl<S: ContactSystem> EventStepper<S> {
             if !happens {
                 continue;
             }
-            self.changes[k] += 1;
+            // What holds nothing at rest turns as often as it likes.
+            let at = At { time, q, v };
+            let holds = match &law.kind {
+                Kind::Friction { size, .. } => levels(k, size.as_ref(), at)? != (0.0, 0.0),
+                Kind::Stop { .. } => true,
+            };
+            self.changes[k] += usize::from(holds);
             self.count += 1;
             if self.count >= self.limits.most_events {
                 return Err(ContactError::TooManyEvents {
@@ -366,6 +377,18 @@ fn change(before: Contact, now: Contact, slip: f64) -> Option<EventKind> {
         // After an impact the list has that.
         (Contact::Rests, Contact::Open) if slip <= 0.0 => Some(EventKind::LetsGo),
         _ => None,
+    }
+}
+
+fn check_length<S: ContactSystem>(system: &S, x: &[f64]) -> Result<(), ContactError<S::Error>> {
+    let (found, expected) = (
+        x.len(),
+        system.positions().dim() + system.positions().tangent_dim(),
+    );
+    if found == expected {
+        Ok(())
+    } else {
+        Err(ContactError::State { found, expected })
     }
 }
 
