@@ -4,7 +4,7 @@
 //! friction holds, it stays there to the last digit, and the instants at which it sticks and breaks away are found to rounding
 //! ([`integrators::event`]).
 
-use integrators::event::{ContactError, EventRollOut, EventStepper};
+use integrators::event::{ContactError, EventKind, EventRollOut, EventStepper};
 
 use crate::hybrid::{DrivenInputs, Hybrid, HybridContacts};
 use crate::motion::NotFree;
@@ -30,6 +30,16 @@ pub enum ContactRunError {
         cause: ContactError<Diverged>,
         /// The coordinates with dry friction.
         rubbing: Vec<String>,
+    },
+    /// A joint sticks and slides by turns so often within one step that its motion is not that of the laws any more.
+    #[error(
+        "the dry friction of `{coordinate}` changes between rest and sliding again and again within the step at t = {time} s: a force beside it is too stiff for the step; take shorter steps"
+    )]
+    Chatter {
+        /// The coordinate with the friction.
+        coordinate: String,
+        /// s.
+        time: f64,
     },
 }
 
@@ -97,6 +107,7 @@ pub fn roll_contacts(
     let mut state = initial.to_vec();
     let mut states = Vec::with_capacity(count);
     states.push(state.clone());
+    let mut seen = 0;
     for sample in first..(first + count).saturating_sub(1) {
         let steps = sample * substeps..(sample + 1) * substeps;
         let intervals = bounds.windows(2).enumerate().skip(steps.start);
@@ -105,6 +116,16 @@ pub fn roll_contacts(
             stepper
                 .advance(&system, (from, to - from, 1), &step, &mut state)
                 .map_err(stopped(sample))?;
+            let events = stepper.events().get(seen..).unwrap_or_default();
+            if let Some(held) = events.iter().find(|e| e.kind == EventKind::Held) {
+                let rubbing = system.rubbing();
+                let coordinate = rubbing.get(held.law).map(|c| c.name.clone());
+                return Err(ContactRunError::Chatter {
+                    coordinate: coordinate.unwrap_or_default(),
+                    time: held.time,
+                });
+            }
+            seen += events.len();
         }
         if let Err(source) = Diverged::check(&state) {
             let time = bounds.get(steps.end).copied().unwrap_or_default();

@@ -332,6 +332,25 @@ fn under_constraints_contacts_are_refused() {
     };
 }
 
+/// A viscous force too stiff for the step lets friction chatter, of which a made-up motion would come: it is refused.
+#[test]
+fn friction_that_chatters_is_an_error() {
+    let model = block(
+        3e-4,
+        "[[effect]]\nkind = \"coulomb_friction\"\njoint = \"x\"\nforce = 2.0\n\
+         [[effect]]\nkind = \"linear_spring\"\njoint = \"x\"\nstiffness = 40.0\nrest = 0.0\n\
+         [[effect]]\nkind = \"viscous_friction\"\njoint = \"x\"\ncoefficient = 5e5\n",
+    );
+    let t = times(1.0);
+    let u = vec![vec![0.0; t.len()]];
+    let rolled = simulate_by(Scheme::Contacts, &model, "0", &t, &u, &[1.0, 0.0], 1e-3);
+    let error = rolled.unwrap_err().to_string();
+    assert!(
+        error.contains("`x`") && error.contains("shorter steps"),
+        "{error}"
+    );
+}
+
 /// A block that is pushed to and fro and stands still under a push in between: its diagnosis says that the smoothing creeps.
 #[test]
 fn a_diagnosis_says_where_smoothed_friction_creeps() {
