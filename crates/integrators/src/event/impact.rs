@@ -3,7 +3,7 @@
 //! Forces that stay finite do nothing in an instant; friction does not know of the blow of a stop here, so v jumps by the impulses
 //! Λ ≥ 0 of the closed stops alone: M (v⁺ − v⁻) = Wᵀ Λ. Each obeys Newton's law where it acts, w·v⁺ ≥ −e min(w·v⁻, 0) and Λ ≥ 0,
 //! one of the two with equality: a complementarity problem with A = W M⁻¹ Wᵀ and b = W v⁻ + e min(W v⁻, 0). Energy does not rise if
-//! all stops that are struck at once have one e.
+//! all stops that are struck at once have one e; with different ones it can.
 
 use super::complementarity::Complementarity;
 use super::law::Kind;

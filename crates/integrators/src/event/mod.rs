@@ -25,6 +25,9 @@
 //! [`events`](EventRollOut) have `Held` in them is not to be trusted after the first of them. Laws on coordinates of their own, as joints
 //! have them, do not depend on each other.
 //!
+//! Steps are not adapted. Where one is too long for a stiff spring or damper, friction can hide what would be seen without it: the roll-out
+//! stays finite and is wrong. Half the step has to give the same motion.
+//!
 //! Fits differentiate a smoothed law such as F tanh(w·v/ε) in place of the set. It creeps where this one sticks, and its error goes
 //! with ε to 0 (linearly in the places where slides end; tests/events.rs shows it); a roll-out here is what to check one against.
 
