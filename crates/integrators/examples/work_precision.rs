@@ -4,8 +4,8 @@
 //! writes `docs/work_precision_fixed.svg` in the crate's folder. An evaluation is one of the rate, of the acceleration, or of an iteration
 //! of the variational method (momentum, force and velocity). The error is the largest component of the motion from the exact state.
 //!
-//! With `-- FILE`, the lines that `cargo bench -p integrators --features adaptive --bench work_precision -- --json FILE` writes become
-//! `docs/work_precision_adaptive.svg` instead: the error at the end against evaluations, where a Jacobian of n directions counts as
+//! With `-- FILE`, the lines that `cargo bench -p integrators --features adaptive --bench adaptive_work_precision -- --json FILE` writes
+//! become `docs/work_precision_adaptive.svg` instead (six of its problems stand there now): the error at the end against evaluations, where a Jacobian of n directions counts as
 //! 1 + n/2 of them.
 
 mod figure;

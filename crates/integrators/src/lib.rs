@@ -27,6 +27,11 @@
 //! Error at the end against evaluations of the rate, the acceleration or the variational iteration (`examples/work_precision.rs`):
 //!
 #![doc = include_str!("../docs/work_precision_fixed.svg")]
+//!
+//! The same for the adaptive methods (feature `adaptive`), where a Jacobian of n directions counts 1 + n/2 evaluations; the work of all
+//! problems, and time, are in BENCHMARKS.md:
+//!
+#![doc = include_str!("../docs/work_precision_adaptive.svg")]
 
 #[cfg(feature = "adaptive")]
 pub mod adaptive;
