@@ -36,6 +36,14 @@ pub enum Error {
         /// Why.
         source: lagrange::Error,
     },
+    /// A joint sticks and slides by turns so often within one step that the motion is not that of the rig any more.
+    #[error(
+        "at t = {time} s a joint changes between rest and sliding again and again within one step: a force beside its friction is too stiff for the step; take a smaller truth_step"
+    )]
+    Chatter {
+        /// s.
+        time: f64,
+    },
     /// The motion has no solution.
     #[error("{0}")]
     Motion(ContactError<Infallible>),

@@ -8,7 +8,7 @@ use std::convert::Infallible;
 use std::fmt;
 
 use integrators::Flat;
-use integrators::event::{ContactSystem, EventStepper, Law};
+use integrators::event::{ContactSystem, EventKind, EventStepper, Law};
 use nalgebra::DMatrix;
 
 use super::Error;
@@ -154,6 +154,9 @@ impl<P: Plant> Truth<P> {
                 &mut x,
             )
             .map_err(Error::Motion)?;
+        if let Some(held) = stepper.events().iter().find(|e| e.kind == EventKind::Held) {
+            return Err(Error::Chatter { time: held.time });
+        }
         self.time += duration;
         self.state = State {
             q: [x[0], x[1]],
