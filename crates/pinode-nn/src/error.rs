@@ -2,10 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+#[cfg(feature = "adaptive")]
+use integrators::adaptive::AdaptiveError;
 use lagrange::Problems;
 
 use crate::contact_run::ContactRunError;
 use crate::motion::NotFree;
+#[cfg(feature = "adaptive")]
+use crate::shooting::Diverged;
 
 /// An error of models, logs and what is done with them.
 #[derive(Debug, thiserror::Error)]
@@ -98,6 +102,28 @@ pub enum Error {
         /// When, and why.
         #[source]
         cause: Box<ContactRunError>,
+    },
+    /// Steps that adapt do not reach the end.
+    #[cfg(feature = "adaptive")]
+    #[error("run `{run}`: {cause}")]
+    Adaptive {
+        /// The recording.
+        run: String,
+        /// When, and why.
+        #[source]
+        cause: Box<AdaptiveError<Diverged>>,
+    },
+    /// What is asked for was left out when the program was built.
+    #[error(
+        "{what} needs the feature `{feature}`, and this program was built without it: build it with its default features, or {instead}"
+    )]
+    NotBuilt {
+        /// What is asked for.
+        what: String,
+        /// The feature of `pinode-nn`.
+        feature: &'static str,
+        /// What does without.
+        instead: &'static str,
     },
     /// The method of a simulation is not for this mechanism.
     #[error("{0}")]

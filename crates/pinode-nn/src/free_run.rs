@@ -198,7 +198,7 @@ pub fn simulate_by(
 }
 
 /// What ended a simulation of `run` behind the sample at `time`.
-fn stopped(run: &str, time: f64, cause: Diverged) -> Error {
+pub(crate) fn stopped(run: &str, time: f64, cause: Diverged) -> Error {
     let run = run.to_owned();
     match cause {
         Diverged::OutOfRange

@@ -619,3 +619,88 @@ fn evaluate_names_a_sample_whose_square_is_no_number() {
     let words = "the errors of q.x are too large to be squared: sample 77 of run `0` (t = 0.77 s) reads -1e200";
     assert!(stderr(&output).contains(words), "{}", stderr(&output));
 }
+
+/// The double pendulum for 2 s, with what is said of it and the last row.
+#[cfg(feature = "adaptive")]
+fn swung(more: &[&str]) -> (Value, Vec<f64>) {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("t.csv").display().to_string();
+    let model = models().join("double_pendulum/double_pendulum_text.toml");
+    let model = model.display().to_string();
+    let fixed = ["simulate", &model, "--initial", "1.5,-1,0,0.5", "--json"];
+    let output = pinode(&[&fixed, &["--duration", "2", "--out", &out], more].concat());
+    let document = stdout_json(&output);
+    let text = std::fs::read_to_string(&out).unwrap();
+    let last = text.lines().last().unwrap();
+    (
+        document,
+        last.split(',').map(|x| x.parse().unwrap()).collect(),
+    )
+}
+
+#[cfg(feature = "adaptive")]
+#[test]
+fn simulate_by_steps_that_adapt_ends_where_fixed_ones_do() {
+    let (document, reference) = swung(&["--step", "1e-4"]);
+    assert_eq!(document["longest_step_s"], 1e-4);
+    assert!(document["effort"].is_null());
+    for (method, tolerance, most) in [
+        ("adaptive", "1e-8", 1e-4),
+        ("tsit5", "1e-8", 1e-4),
+        ("bdf", "1e-8", 1e-3),
+        ("esdirk34", "1e-8", 1e-4),
+        ("tr-bdf2", "1e-7", 1e-2),
+    ] {
+        let (document, row) = swung(&["--method", method, "--tolerance", tolerance]);
+        assert_eq!(document["samples"], 201);
+        assert!(document["longest_step_s"].is_null());
+        assert_eq!(
+            document["relative_tolerance"],
+            tolerance.parse::<f64>().unwrap()
+        );
+        let effort = &document["effort"];
+        assert!(effort["steps"].as_u64().unwrap() > 10, "{effort}");
+        let implicit = !["adaptive", "tsit5"].contains(&method);
+        assert_eq!(effort["jacobians"].as_u64().unwrap() > 0, implicit);
+        for (a, b) in row.iter().zip(&reference) {
+            assert!((a - b).abs() < most, "{method}: {a} {b}");
+        }
+    }
+    // Without a tolerance, 1e-6.
+    let (document, _) = swung(&["--method", "adaptive"]);
+    assert_eq!(document["relative_tolerance"], 1e-6);
+}
+
+#[test]
+fn a_step_is_for_fixed_steps_and_a_tolerance_for_those_that_adapt() {
+    let simulate = |more: &[&str]| {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("t.csv");
+        let path = out.display().to_string();
+        let fixed = ["simulate", &cartpole(), "--out", &path];
+        let output = pinode(&[&fixed, more].concat());
+        assert_eq!(output.status.code(), Some(1), "{more:?}");
+        assert!(!out.exists());
+        stderr(&output)
+    };
+    let step = simulate(&["--method", "tsit5", "--step", "1e-4"]);
+    assert!(
+        step.contains("--step") && step.contains("--tolerance"),
+        "{step}"
+    );
+    let tolerance = simulate(&["--tolerance", "1e-4"]);
+    assert!(tolerance.contains("take --method adaptive"), "{tolerance}");
+    #[cfg(feature = "adaptive")]
+    {
+        let large = simulate(&["--method", "adaptive", "--tolerance", "2"]);
+        assert!(large.contains("relative tolerance is 2"), "{large}");
+    }
+    #[cfg(not(feature = "adaptive"))]
+    {
+        let without = simulate(&["--method", "tr-bdf2"]);
+        assert!(
+            without.contains("--method tr-bdf2 needs the feature `adaptive`"),
+            "{without}"
+        );
+    }
+}

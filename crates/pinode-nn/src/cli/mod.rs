@@ -11,6 +11,7 @@ mod evaluate;
 mod output;
 mod progress;
 mod simulate;
+mod stepping;
 mod summary;
 pub mod workflow;
 

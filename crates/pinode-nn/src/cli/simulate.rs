@@ -11,10 +11,11 @@ use lagrange::{Problem, Problems, state};
 use serde_json::json;
 
 use super::output::Output;
+use super::stepping::{Effort, Stepping};
 use crate::Error;
 use crate::disk::write_atomically;
 use crate::entries::{q_names, starts, v_names};
-use crate::free_run::{Initial, LONGEST_STEP, Scheme, initial_states, simulate_by};
+use crate::free_run::{Initial, LONGEST_STEP, initial_states};
 use crate::log::Run;
 use crate::model::Model;
 
@@ -22,6 +23,8 @@ use crate::model::Model;
 const MOST_SAMPLES: f64 = 1e7;
 /// So are more integration steps between two samples.
 const MOST_STEPS: f64 = 1e6;
+/// Relative tolerance unless another is asked for.
+const TOLERANCE: f64 = 1e-6;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
@@ -45,12 +48,16 @@ pub(super) struct Arguments {
     /// Interval between samples without a log, s
     #[arg(long, value_name = "S", default_value_t = 0.01, value_parser = positive, allow_negative_numbers = true, conflicts_with = "log")]
     sample: f64,
-    /// Longest integration step, s
-    #[arg(long, value_name = "S", default_value_t = LONGEST_STEP, value_parser = positive, allow_negative_numbers = true)]
-    step: f64,
+    /// Longest step of methods with fixed steps, s [default: 0.001]
+    #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
+    step: Option<f64>,
     /// Method of integration
     #[arg(long, value_enum, default_value_t)]
-    method: Scheme,
+    method: Stepping,
+    /// Relative tolerance of methods whose steps adapt, for the error of one step; positions below 1 mm or 1 mrad and velocities below
+    /// 1 mm/s or 1 mrad/s count as these (velocities under dry friction as the one its sign change is spread over) [default: 1e-6]
+    #[arg(long, value_name = "R", value_parser = positive, allow_negative_numbers = true)]
+    tolerance: Option<f64>,
     /// The trajectory, in the format of a log: positions as the sensors would read them without noise, velocities of the model
     #[arg(long, value_name = "TRAJ.csv")]
     out: PathBuf,
@@ -76,15 +83,8 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
             });
         }
     }
-    if arguments.log.is_none() && arguments.sample / arguments.step > MOST_STEPS {
-        return Err(Error::Problems(Problems {
-            source: "--step".into(),
-            list: vec![Problem::general(format!(
-                "{:e} s is more than {MOST_STEPS:e} times shorter than the interval between samples: take a longer step",
-                arguments.step
-            ))],
-        }));
-    }
+    let step = longest_step(arguments)?;
+    let tolerance = arguments.tolerance.unwrap_or(TOLERANCE);
     let given = match &arguments.initial {
         Some(initial) => Some(given_initial(&model, initial)?),
         None => None,
@@ -94,7 +94,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
         None => vec![still_run(&model, arguments)?],
     };
     let mut text = header(&model, arguments.log.is_some()).into_bytes();
-    let mut samples = 0;
+    let (mut samples, mut effort) = (0, Effort::default());
     for mut run in runs {
         if let Some(duration) = arguments.duration {
             shorten(&mut run, duration);
@@ -111,25 +111,68 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
             (None, None) => at_rest(&model),
         };
         let initial = consistent(&model, &run.id, initial, output)?;
-        let states = simulate_by(
-            arguments.method,
-            &model,
-            &run.id,
-            &run.t,
-            &run.u,
-            &initial,
-            arguments.step,
-        )?;
+        let fineness = (step, tolerance);
+        let states = arguments
+            .method
+            .simulate(&model, &run, &initial, fineness, &mut effort)?;
         samples += states.len();
         let id = arguments.log.is_some().then_some(run.id.as_str());
         write_rows(&mut text, &model, &run, id, &states)?;
     }
     write_atomically(&arguments.out, &text)?;
     let path = arguments.out.display().to_string();
-    output.result(
-        &json!({ "out": path, "samples": samples, "longest_step_s": arguments.step }),
-        &format!("{samples} samples written to {path}\n"),
-    )
+    let mut document = json!({ "out": path, "samples": samples });
+    let mut text = format!("{samples} samples written to {path}\n");
+    match arguments.method {
+        Stepping::Fixed(_) => document["longest_step_s"] = json!(step),
+        Stepping::Adapting(_) => {
+            document["relative_tolerance"] = json!(tolerance);
+            document["effort"] = effort.document();
+            text += &effort.words();
+        }
+    }
+    output.result(&document, &text)
+}
+
+/// The longest step of methods with fixed steps.
+///
+/// # Errors
+/// What contradicts the method among `--step` and `--tolerance`, and steps that would never end.
+fn longest_step(arguments: &Arguments) -> Result<f64, Error> {
+    let problem = |source: &str, message: String| {
+        Err(Error::Problems(Problems {
+            source: source.into(),
+            list: vec![Problem::general(message)],
+        }))
+    };
+    let step = arguments.step.unwrap_or(LONGEST_STEP);
+    match arguments.method {
+        Stepping::Adapting(_) => match arguments.step {
+            Some(step) => problem(
+                "--step",
+                format!(
+                    "a longest step of {step} s is for methods with fixed steps: leave it out, or take --method rk4; how fine steps that \
+                     adapt are is said by --tolerance"
+                ),
+            ),
+            None => Ok(step),
+        },
+        Stepping::Fixed(_) => match arguments.tolerance {
+            Some(tolerance) => problem(
+                "--tolerance",
+                format!(
+                    "a tolerance of {tolerance} is for methods whose steps adapt: take --method adaptive, or leave it out and give --step"
+                ),
+            ),
+            None if arguments.log.is_none() && arguments.sample / step > MOST_STEPS => problem(
+                "--step",
+                format!(
+                    "{step:e} s is more than {MOST_STEPS:e} times shorter than the interval between samples: take a longer step"
+                ),
+            ),
+            None => Ok(step),
+        },
+    }
 }
 
 /// Under constraints, the state on φ = 0, J v = 0 that belongs to `initial`; where it is another one, that is said.

@@ -42,4 +42,10 @@ pub trait DriveLaw: Send + Sync {
     /// Passes the signal through: the value, the derivatives it already carries (chain rule), and new ones in `p`, whose
     /// indices in the fit are `first`, `first + 1`, …; `None`: no new ones are wanted.
     fn pass(&self, grid: &Grid, p: &[f64], first: Option<usize>, signal: &mut Signal);
+
+    /// The time T ≥ 0, s, of a law that does nothing but u(t) → u(t − T): steps that adapt then end where the late input jumps, and no
+    /// mean is taken. `None` (the default): the law changes values, at the instants at which they change anyway.
+    fn delay(&self, _p: &[f64]) -> Option<f64> {
+        None
+    }
 }

@@ -4,8 +4,8 @@
 //!
 //! ū = [U(b − T) − U(a − T)] / (b − a),  U(t) = ∫ u dt,
 //!
-//! which is exact for the impulse over the step and has the derivative ∂ū/∂T = [u(a − T) − u(b − T)] / (b − a). Before the
-//! recording starts the input is taken as its first value.
+//! which is exact for the impulse over the step and has the derivative ∂ū/∂T = [u(a − T) − u(b − T)] / (b − a). Steps that adapt end
+//! where u(t − T) jumps instead. Before the recording starts the input is taken as its first value.
 
 use super::{Action, DriveLaw, Family, Grid, Kind, ParameterSpec, Probe, Quantity, Signal};
 
@@ -83,6 +83,10 @@ impl DriveLaw for Delay {
             }
             None => signal.value = delayed(grid, &signal.value, p[0], None),
         }
+    }
+
+    fn delay(&self, p: &[f64]) -> Option<f64> {
+        p.first().copied()
     }
 }
 

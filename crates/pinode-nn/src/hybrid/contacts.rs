@@ -82,6 +82,14 @@ impl Hybrid {
         targets.dedup();
         targets
     }
+
+    /// The smallest velocity, m/s or rad/s, over which a sign change of the dry friction on coordinate `c` is spread; `None` without any.
+    pub fn smoothing(&self, c: usize) -> Option<f64> {
+        let own = self.dry().filter(|(target, ..)| *target == c);
+        own.filter_map(|(.., index)| self.effects.get(index))
+            .map(|effect| effect.smoothing * self.smoothing_scale)
+            .min_by(f64::total_cmp)
+    }
 }
 
 /// Dry frictions with their parameters that act together.

@@ -8,6 +8,7 @@
 
 mod contacts;
 mod dynamics;
+mod jumps;
 mod motion;
 
 use std::ops::Range;
@@ -23,6 +24,7 @@ use crate::motion::Positions;
 
 pub use contacts::HybridContacts;
 pub use dynamics::Memory;
+pub use jumps::HeldInputs;
 pub use motion::HybridMotion;
 
 /// One entry of θ.
@@ -83,7 +85,7 @@ pub struct Hybrid {
 }
 
 /// The inputs of one recording on its integration grid, after the drives, times their gains.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct DrivenInputs {
     /// The integration steps.
     pub grid: Grid,

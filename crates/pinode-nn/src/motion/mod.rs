@@ -2,8 +2,8 @@
 //!
 //! A state is x = (q, v), its rate ẋ = (v, v̇) with v̇ from M v̇ + C v + G = Q; the directions of motion are (δq, δv), 2 nv of them.
 //! Poses of floating bodies turn in their own space ([`Positions`]): no method leaves the unit quaternions. Both systems below have
-//! exact derivatives, so that [`integrators::gradient`] derives their roll-outs, and rates of eight states at once for
-//! [`integrators::ensemble`].
+//! exact derivatives, so that [`integrators::gradient`] derives their roll-outs and the implicit methods of `integrators::adaptive` step
+//! them, and rates of eight states at once for [`integrators::ensemble`].
 //!
 //! | system | input | what for |
 //! |---|---|---|

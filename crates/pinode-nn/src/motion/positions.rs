@@ -112,6 +112,19 @@ impl Space for Positions {
             add_cross(&m[3..], &a[3..], angular);
         }
     }
+    /// The number itself for a coordinate of one number; 1 m and 1 rad for a pose, wherever it is.
+    fn scale_into(&self, point: &[f64], out: &mut [f64]) {
+        let mut at = Start { q: 0, v: 0 };
+        for pose in self.poses() {
+            out[at.v..pose.v].copy_from_slice(&point[at.q..pose.q]);
+            out[pose.v..pose.v + TWIST].fill(1.0);
+            at = Start {
+                q: pose.q + POSE,
+                v: pose.v + TWIST,
+            };
+        }
+        out[at.v..].copy_from_slice(&point[at.q..]);
+    }
 }
 
 fn add(x: &[f64], y: &[f64], out: &mut [f64]) {
@@ -187,6 +200,14 @@ mod tests {
         space.cobracket_into(&a, &m, &mut cobracket);
         let dot = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
         approx::assert_abs_diff_eq!(dot(&m, &bracket), dot(&cobracket, &b), epsilon = 1e-14);
+    }
+
+    #[test]
+    fn a_pose_counts_as_one_wherever_it_is_and_a_number_as_itself() {
+        let (space, mut scale) = (positions(), vec![0.0; 8]);
+        let far: Vec<f64> = [-3.0, 1e3, 2e3, -1e3, 1.0, 0.0, 0.0, 0.0, 0.2].into();
+        space.scale_into(&far, &mut scale);
+        assert_eq!(scale, [-3.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.2]);
     }
 
     #[test]
