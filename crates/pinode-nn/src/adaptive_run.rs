@@ -109,11 +109,13 @@ impl<'a> AdaptiveRun<'a> {
         let (bounds, held) = (&inputs.grid.bounds, Inputs::Held(held));
         let mut rolled = roll_out(&motion, settings, bounds, held, initial)?;
         if samples.len() < rolled.states.len() {
-            let mut wanted = samples.iter().peekable();
-            let mut index = 0..;
-            rolled
-                .states
-                .retain(|_| wanted.next_if_eq(&&index.next().unwrap_or(0)).is_some());
+            let mut wanted = samples.iter().copied().peekable();
+            let mut bound = 0_usize..;
+            rolled.states.retain(|_| {
+                bound
+                    .next()
+                    .is_some_and(|bound| wanted.next_if_eq(&bound).is_some())
+            });
         }
         Ok(rolled)
     }

@@ -58,7 +58,7 @@ fn a_double_pendulum_meets_runge_and_kutta_at_a_very_small_step() {
         (Method::Automatic, 1e-9, 1e-6),
         (Method::Tsit5, 1e-9, 1e-6),
         (Method::Bdf, 1e-9, 1e-5),
-        (Method::Esdirk34, 1e-8, 1e-5),
+        (Method::Esdirk34, 1e-9, 1e-5),
         (Method::TrBdf2, 1e-7, 1e-3),
         (Method::Automatic, 1e-4, 1e-1),
     ];
@@ -289,17 +289,18 @@ fn a_four_bar_turns_as_by_runge_and_kutta_and_stays_closed() {
         let (t, initial) = (samples(50, 0.02), closed(&model, 0.4, 6.0));
         let u = vec![vec![0.0; t.len()]];
         let reference = simulate(&model, "0", &t, &u, &initial, 1e-4).unwrap();
-        for (method, most) in [
-            (Method::Automatic, 1e-6),
-            (Method::Tsit5, 1e-6),
-            (Method::Esdirk34, 1e-4),
-            (Method::Bdf, 1e-4),
-        ] {
-            let rolled = rolled((method, 1e-8), &model, &t, &u, &initial);
+        let cases: [Case; 4] = [
+            (Method::Automatic, 1e-9, 1e-6),
+            (Method::Tsit5, 1e-9, 1e-6),
+            (Method::Esdirk34, 1e-10, 1e-4),
+            (Method::Bdf, 1e-10, 1e-4),
+        ];
+        for (method, relative, most) in cases {
+            let rolled = rolled((method, relative), &model, &t, &u, &initial);
             let off = apart(&reference, &rolled.states);
             assert!(off < most, "{path}, {method:?}: {off}");
             let open = opening(&model, &rolled.states);
-            assert!(open < most, "{path}, {method:?}: open by {open} m");
+            assert!(open < 1e-2 * most, "{path}, {method:?}: open by {open} m");
         }
     }
 }
@@ -318,7 +319,7 @@ fn block(late: f64) -> Model {
 fn no_step_straddles_a_jump_of_the_input_however_late_it_comes() {
     let t = [0.0, 0.1, 0.25, 0.3, 0.7, 1.0];
     let u = vec![vec![1.0, -4.0, -4.0, 6.0, 0.0, 5.0]];
-    for late in [0.0, 0.05, 0.0137, 0.31] {
+    for late in [0.0, 0.05, 0.0137, 0.29] {
         let jumps = [(0.0, 1.0), (0.1, -5.0), (0.3, 10.0), (0.7, -6.0)];
         for method in [Method::Automatic, Method::Tsit5, Method::Esdirk34] {
             // Loose: that steps are long is the point.

@@ -628,7 +628,7 @@ fn swung(more: &[&str]) -> (Value, Vec<f64>) {
     let model = models().join("double_pendulum/double_pendulum_text.toml");
     let model = model.display().to_string();
     let fixed = ["simulate", &model, "--initial", "1.5,-1,0,0.5", "--json"];
-    let output = pinode(&[&fixed, &["--duration", "2", "--out", &out], more].concat());
+    let output = pinode(&[&fixed[..], &["--duration", "2", "--out", &out], more].concat());
     let document = stdout_json(&output);
     let text = std::fs::read_to_string(&out).unwrap();
     let last = text.lines().last().unwrap();
@@ -678,7 +678,7 @@ fn a_step_is_for_fixed_steps_and_a_tolerance_for_those_that_adapt() {
         let out = dir.path().join("t.csv");
         let path = out.display().to_string();
         let fixed = ["simulate", &cartpole(), "--out", &path];
-        let output = pinode(&[&fixed, more].concat());
+        let output = pinode(&[&fixed[..], more].concat());
         assert_eq!(output.status.code(), Some(1), "{more:?}");
         assert!(!out.exists());
         stderr(&output)
