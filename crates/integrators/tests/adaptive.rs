@@ -9,7 +9,8 @@ use integrators::adaptive::{
     AdaptiveError, ArgumentError, Inputs, Method, Refusal, RollOut, Settings, roll_out,
 };
 use integrators::problems::{
-    HarmonicOscillator, HeavyTop, Kepler, Pendulum, Problem, RigidBody, Robertson, VanDerPol,
+    DrivenOscillator, HarmonicOscillator, HeavyTop, Kepler, Pendulum, Problem, RigidBody,
+    Robertson, VanDerPol,
 };
 use integrators::{Differentiable, Flat, Gradient, Jacobian, Space, System};
 
@@ -53,8 +54,8 @@ fn difference<P: Problem>(problem: &P, exact: &[f64], found: &[f64], sizes: &[f6
         .fold(0.0, f64::max)
 }
 
-/// Errors are below `factor` tol^e and fall at least as tol^(0.7 e), with e = p/(p + 1) for the order p: the error of a step is
-/// tol ~ h^(p+1), and there are ~ 1/h steps.
+/// Errors are below `factor` tol^e and fall at least as tol^(0.7 e), with e = p/(p + 1) for the order p: the
+/// error of a step is tol ~ h^(p+1), and there are ~ 1/h steps. A control of tolerances, not of orders: those are measured below.
 fn follows<P: Problem>(problem: &P, method: Method, time: f64, sizes: &[f64], factor: f64) {
     let order = match method {
         Method::Tsit5 => 4.0,
@@ -83,6 +84,157 @@ fn follows<P: Problem>(problem: &P, method: Method, time: f64, sizes: &[f64], fa
         problem.name(),
         method.name()
     );
+}
+
+/// A problem whose input is a number that it does not use: with another one in every interval, and tolerances so large that no step is
+/// shortened by them, every interval is one step.
+struct Stepped<P>(P);
+
+impl<P: Problem> System for Stepped<P> {
+    type Space = P::Space;
+    type Input = usize;
+    type Memory = ();
+    type Error = Infallible;
+    fn space(&self) -> &P::Space {
+        self.0.space()
+    }
+    fn memory(&self) {}
+    fn rate(
+        &self,
+        t: f64,
+        x: &[f64],
+        _u: &usize,
+        m: &mut (),
+        dx: &mut [f64],
+    ) -> Result<(), Infallible> {
+        self.0.rate(t, x, &(), m, dx)
+    }
+}
+
+impl<P: Problem> Differentiable for Stepped<P> {
+    fn input_count(&self) -> usize {
+        0
+    }
+    fn parameter_count(&self) -> usize {
+        self.0.parameter_count()
+    }
+    fn linearize(
+        &self,
+        (t, x, _u): (f64, &[f64], &usize),
+        m: &mut (),
+        dx: &mut [f64],
+        by: &mut Jacobian,
+    ) -> Result<(), Infallible> {
+        self.0.linearize((t, x, &()), m, dx, by)
+    }
+    fn pull_back(
+        &self,
+        (t, x, _u): (f64, &[f64], &usize),
+        m: &mut (),
+        weight: &[f64],
+        dx: &mut [f64],
+        by: &mut Gradient,
+    ) -> Result<(), Infallible> {
+        self.0.pull_back((t, x, &()), m, weight, dx, by)
+    }
+}
+
+/// The slope of a straight line through points.
+fn slope(points: &[(f64, f64)]) -> f64 {
+    let count = points.len() as f64;
+    let (x, y) = points.iter().fold((0.0, 0.0), |sum, p| {
+        (sum.0 + p.0 / count, sum.1 + p.1 / count)
+    });
+    let (up, along) = points.iter().fold((0.0, 0.0), |sum, p| {
+        (sum.0 + (p.0 - x) * (p.1 - y), sum.1 + (p.0 - x).powi(2))
+    });
+    up / along
+}
+
+/// The order of a one-step method in equal steps from 0 to `end`.
+fn order_of_equal_steps<P: Problem>(problem: P, method: Method, end: f64, steps: &[usize]) -> f64 {
+    let problem = Stepped(problem);
+    let points: Vec<(f64, f64)> = steps
+        .iter()
+        .map(|&count| {
+            let times: Vec<f64> = (0..=count).map(|k| end * k as f64 / count as f64).collect();
+            let inputs: Vec<usize> = (0..count).collect();
+            let settings = Settings::new(method, 0.5, 100.0);
+            let inputs = Inputs::Held(&inputs);
+            let rolled =
+                roll_out(&problem, &settings, &times, inputs, &problem.0.initial()).unwrap();
+            assert_eq!(rolled.statistics.steps, count, "{}", method.name());
+            let exact = problem.0.solution(end).unwrap();
+            let error = difference(&problem.0, &exact, &rolled.states[count], &[1.0]);
+            ((count as f64).ln(), -error.ln())
+        })
+        .collect();
+    slope(&points)
+}
+
+#[test]
+fn tsit5_has_order_5_in_equal_steps() {
+    let oscillator = DrivenOscillator {
+        frequency: 2.0,
+        damping: 0.3,
+        drive: 1.5,
+        drive_frequency: 3.1,
+    };
+    let pendulum = Pendulum {
+        frequency: 3.0,
+        amplitude: 1.5,
+    };
+    // The terms of h⁶ show beside those of h⁵, more so in coarser steps.
+    let steps = [120, 240, 480];
+    for found in [
+        order_of_equal_steps(oscillator, Method::Tsit5, 3.0, &steps),
+        order_of_equal_steps(pendulum, Method::Tsit5, 3.0, &steps),
+    ] {
+        eprintln!("Tsit5: order {found:.3} in equal steps");
+        assert!((4.6..5.7).contains(&found), "order {found}");
+    }
+}
+
+/// How the error at the end falls with the number of accepted steps over tolerances from 10^-`from` to 10^-`to`, in half powers.
+fn order_of_chosen_steps<P: Problem>(problem: &P, method: Method, from: i32, to: i32) -> f64 {
+    let points: Vec<(f64, f64)> = (2 * from..=2 * to)
+        .map(|half| {
+            let tolerance = 10_f64.powf(-0.5 * f64::from(half));
+            let settings = Settings::new(method, tolerance, tolerance);
+            let rolled = roll(problem, &settings, &[0.0, problem.span()]);
+            let exact = problem.solution(problem.span()).unwrap();
+            let error = difference(problem, &exact, &rolled.states[1], &[1.0]);
+            ((rolled.statistics.steps as f64).ln(), -error.ln())
+        })
+        .collect();
+    slope(&points)
+}
+
+#[test]
+fn errors_fall_with_the_number_of_chosen_steps_as_the_order_says() {
+    let orbit = Kepler { eccentricity: 0.5 };
+    let top = HeavyTop::default();
+    let mut wrong = Vec::new();
+    for (method, (from, to), order) in [
+        (Method::Tsit5, (8, 11), 4.6..5.7),
+        (Method::TrBdf2, (6, 9), 1.6..2.4),
+        (Method::Esdirk34, (7, 10), 2.6..3.4),
+        (Method::Automatic, (8, 11), 4.6..5.7),
+        // Its order varies between 1 and 5; where tolerances are this fine it is mostly 5.
+        (Method::Bdf, (8, 11), 4.1..6.5),
+    ] {
+        for (name, found) in [
+            ("orbit", order_of_chosen_steps(&orbit, method, from, to)),
+            ("top", order_of_chosen_steps(&top, method, from, to)),
+        ] {
+            let line = format!("{} {name}: order {found:.3}", method.name());
+            eprintln!("{line} in chosen steps");
+            if !order.contains(&found) {
+                wrong.push(line);
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:?}");
 }
 
 #[test]

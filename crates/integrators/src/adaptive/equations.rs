@@ -1,6 +1,7 @@
 //! A system as the solvers see it: ẏ = F(t, y) in a vector space, whatever the space of the states.
 
 use std::cell::RefCell;
+use std::rc::Rc;
 
 use diffsol::{
     ConstantOp, NalgebraContext, NalgebraMat, NalgebraVec, NonLinearOp, NonLinearOpJacobian,
@@ -36,7 +37,7 @@ fn beyond(value: f64) -> bool {
 /// In a flat space y = x. Else y = c + ξ with the chart x = x₀ ∘ exp ξ around the last state where it was centred, and
 /// F = φ(ad_ξ)⁻¹ f(t, x). The constants c are [`Space::scale_into`] at x₀, so that a tolerance relative to y is what it says.
 pub(super) struct Equations<'s, S: Differentiable> {
-    pub inner: RefCell<Inner<'s, S>>,
+    pub inner: Rc<RefCell<Inner<'s, S>>>,
     context: NalgebraContext,
     directions: usize,
 }
@@ -128,9 +129,20 @@ impl<'s, S: Differentiable> Equations<'s, S> {
             inner.start.copy_from_slice(&inner.offset);
         }
         Equations {
-            inner: RefCell::new(inner),
+            inner: Rc::new(RefCell::new(inner)),
             context,
             directions,
+        }
+    }
+}
+
+impl<S: Differentiable> Clone for Equations<'_, S> {
+    /// The same equations, with the same counts.
+    fn clone(&self) -> Self {
+        Equations {
+            inner: Rc::clone(&self.inner),
+            context: self.context,
+            directions: self.directions,
         }
     }
 }
@@ -315,6 +327,18 @@ impl<'s, S: Differentiable> Inner<'s, S> {
             .map(|((v, y), a)| (v / (a + self.relative * y.abs())).powi(2))
             .sum();
         (sum / v.len().max(1) as f64).sqrt()
+    }
+
+    /// The same norm of a − b.
+    pub fn norm_of_change(&self, a: &[f64], b: &[f64], y: &[f64]) -> f64 {
+        let sum: f64 = a
+            .iter()
+            .zip(b)
+            .zip(y)
+            .zip(&self.absolute)
+            .map(|(((a, b), y), s)| ((a - b) / (s + self.relative * y.abs())).powi(2))
+            .sum();
+        (sum / a.len().max(1) as f64).sqrt()
     }
 }
 

@@ -10,7 +10,7 @@
 //! | [`TrBdf2`](Method::TrBdf2) | 2 | stiff, coarse tolerances |
 //! | [`Esdirk34`](Method::Esdirk34) | 3 | stiff, and inputs that jump often: a step needs no past |
 //! | [`Bdf`](Method::Bdf) | 1 to 5 | stiff and smooth for long, fine tolerances |
-//! | [`Automatic`](Method::Automatic) | | Tsit5 while steps are bounded by accuracy, an implicit one while they are by stability |
+//! | [`Automatic`](Method::Automatic) | | Tsit5 while steps are bounded by accuracy, an implicit one while they are by stability, at a tenth of the tolerance |
 
 mod chart;
 mod engine;
@@ -18,6 +18,7 @@ mod equations;
 mod error;
 mod roll_out;
 mod settings;
+mod start;
 mod statistics;
 mod stiffness;
 

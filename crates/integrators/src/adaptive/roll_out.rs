@@ -5,7 +5,8 @@ use diffsol::{DiffsolError, NalgebraContext, OdeBuilder, OdeSolverProblem, Vecto
 
 use super::engine::{Point, Solver};
 use super::equations::{Equations, FARTHEST, Matrix64, Vector64};
-use super::stiffness::{STEP, Watch, jacobian_cost};
+use super::start::{after_explicit, first_step};
+use super::stiffness::{TIGHTER, Taken, Watch};
 use super::{AdaptiveError, ArgumentError, Method, Settings, Statistics, Switch};
 use crate::{Differentiable, Space};
 
@@ -116,15 +117,28 @@ where
         time,
         message: error.to_string(),
     };
-    let mut problem = OdeBuilder::<Matrix64>::new()
-        .t0(begin)
-        .rtol(settings.relative)
-        .atol(absolute)
-        .build_from_eqn(equations)
-        .map_err(|error| failed(begin, error))?;
-    let options = &mut problem.ode_options;
-    options.min_timestep = (1e-40 * (end - begin)).max(1e-300);
-    options.max_nonlinear_solver_failures = usize::MAX;
+    // The same equations at a part of the tolerance.
+    let shortest = (1e-40 * (end - begin)).max(1e-300);
+    let problem_at = |part: f64| {
+        let mut problem = OdeBuilder::<Matrix64>::new()
+            .t0(begin)
+            .rtol(part * settings.relative)
+            .atol(absolute.iter().map(|a| part * a).collect::<Vec<_>>())
+            .build_from_eqn(equations.clone())
+            .map_err(|error| failed(begin, error))?;
+        let options = &mut problem.ode_options;
+        options.min_timestep = shortest;
+        options.max_nonlinear_solver_failures = usize::MAX;
+        // As SciPy has them; diffsol's own 2 and 1/2 take many steps from the first one, or to a place where forces change suddenly.
+        options.max_timestep_growth = Some(10.0);
+        options.min_timestep_shrink = Some(0.2);
+        Ok(problem)
+    };
+    let problem = problem_at(1.0)?;
+    let tight = match settings.method {
+        Method::Automatic => Some(problem_at(TIGHTER)?),
+        _ => None,
+    };
     let stiff = if pieces.len() > 1 {
         Method::Esdirk34
     } else {
@@ -132,14 +146,17 @@ where
     };
     let mut run = Run {
         problem: &problem,
+        tight: tight.as_ref().unwrap_or(&problem),
         settings,
         stiff,
         end,
         statistics: Statistics::default(),
-        watch: Watch::new(),
+        watch: Watch::new(directions),
         time: begin,
+        made: f64::INFINITY,
         y: problem.eqn.inner.borrow().start.clone(),
         rate: vec![0.0; directions],
+        rate_before: vec![0.0; directions],
         free: None,
         first: None,
         starting: false,
@@ -237,6 +254,8 @@ where
 /// A roll-out under way.
 struct Run<'p, 's, S: Differentiable> {
     problem: &'p OdeSolverProblem<Equations<'s, S>>,
+    /// The same with the tolerances of the implicit method.
+    tight: &'p OdeSolverProblem<Equations<'s, S>>,
     settings: &'p Settings,
     /// The implicit one of [`Method::Automatic`].
     stiff: Method,
@@ -244,8 +263,12 @@ struct Run<'p, 's, S: Differentiable> {
     statistics: Statistics,
     watch: Watch,
     time: f64,
+    /// The last step; infinite after one that the end of a piece shortened.
+    made: f64,
     y: Vec<f64>,
     rate: Vec<f64>,
+    /// The rate one step before.
+    rate_before: Vec<f64>,
     /// The step that was proposed before the end of a piece shortened it.
     free: Option<f64>,
     /// The first step after the last start of backward differences.
@@ -321,12 +344,13 @@ impl<'p, 's, S: Differentiable> Run<'p, 's, S> {
     /// F at the current point, afresh.
     fn evaluate(&mut self) -> Result<(), AdaptiveError<S::Error>> {
         let mut inner = self.problem.eqn.inner.borrow_mut();
-        inner.refusal = None;
+        let before = inner.refusal.take();
         inner.rate(self.time, &self.y, &mut self.rate);
-        match inner.refusal.take() {
-            Some((time, source)) => Err(AdaptiveError::RightHandSide { time, source }),
-            None => Ok(()),
+        if let Some((time, source)) = inner.refusal.take() {
+            return Err(AdaptiveError::RightHandSide { time, source });
         }
+        inner.refusal = before;
+        Ok(())
     }
 
     /// Centres the chart at the current point, and evaluates F there.
@@ -368,7 +392,7 @@ impl<'p, 's, S: Differentiable> Run<'p, 's, S> {
         self.centre()?;
         let h = match (self.method, self.free, self.first) {
             (Method::Bdf, _, Some(first)) => first,
-            (Method::Bdf, _, None) | (_, None, _) => self.initial_step(),
+            (Method::Bdf, _, None) | (_, None, _) => self.first_step(),
             (_, Some(free), _) => free.max(self.solver.as_ref().map_or(0.0, Solver::h)),
         };
         self.start(h)
@@ -387,8 +411,13 @@ impl<'p, 's, S: Differentiable> Run<'p, 's, S> {
             solver.restart(&at, h);
             return Ok(());
         }
-        let solver = Solver::new(self.problem, self.method, &at, h)
-            .map_err(|error| self.solver_error(error))?;
+        let problem = if self.method == Method::Tsit5 {
+            self.problem
+        } else {
+            self.tight
+        };
+        let solver =
+            Solver::new(problem, self.method, &at, h).map_err(|error| self.solver_error(error))?;
         self.counts = (0, 0);
         self.solver = Some(solver);
         self.statistics.switches.push(Switch {
@@ -398,46 +427,32 @@ impl<'p, 's, S: Differentiable> Run<'p, 's, S> {
         self.jacobian_refusal()
     }
 
-    /// A first step: Hairer, Nørsett and Wanner, "Solving Ordinary Differential Equations I", II.4. One evaluation.
-    fn initial_step(&self) -> f64 {
+    /// A first step; and the implicit method where the motion is stiff from the beginning.
+    fn first_step(&mut self) -> f64 {
         let order = match self.method {
             Method::Bdf => 1.0,
             Method::TrBdf2 => 2.0,
             Method::Esdirk34 => 3.0,
             Method::Tsit5 | Method::Automatic => 5.0,
         };
+        let explicit = self.method == Method::Tsit5;
+        let at = Point {
+            time: self.time,
+            y: &self.y,
+            rate: &self.rate,
+        };
         let span = self.end - self.time;
         let mut inner = self.problem.eqn.inner.borrow_mut();
-        let (d0, d1) = (
-            inner.norm(&self.y, &self.y),
-            inner.norm(&self.rate, &self.y),
-        );
-        let h0 = if d0 < 1e-5 || d1 < 1e-5 {
-            1e-6 * span
-        } else {
-            (0.01 * d0 / d1).min(span)
-        };
-        let ahead: Vec<f64> = self
-            .y
-            .iter()
-            .zip(&self.rate)
-            .map(|(y, rate)| y + h0 * rate)
-            .collect();
-        let mut change = vec![0.0; ahead.len()];
-        inner.rate(self.time + h0, &ahead, &mut change);
-        // What a trial says is no error.
-        inner.refusal = None;
-        for (change, rate) in change.iter_mut().zip(&self.rate) {
-            *change -= rate;
+        let first = first_step(&mut inner, &at, order, span, explicit);
+        if !explicit {
+            return first.accurate;
         }
-        let d2 = inner.norm(&change, &self.y) / h0;
-        let largest = d1.max(d2);
-        let h1 = if largest <= 1e-15 {
-            (1e-3 * h0).max(1e-6 * span)
-        } else {
-            (0.01 / largest).powf(1.0 / (order + 1.0))
-        };
-        (100.0 * h0).min(h1).min(span)
+        let automatic = self.settings.method == Method::Automatic && self.solver.is_none();
+        if automatic && self.watch.begins_stiff(first.accurate, first.radius) {
+            self.method = self.stiff;
+            return first.first_order;
+        }
+        first.explicit()
     }
 
     fn solver_error(&self, error: DiffsolError) -> AdaptiveError<S::Error> {
@@ -469,16 +484,19 @@ impl<'p, 's, S: Differentiable> Run<'p, 's, S> {
         }
         let before = {
             let mut inner = self.problem.eqn.inner.borrow_mut();
-            let refusal = inner.refusal.take();
-            if h.is_nan() || h <= f64::EPSILON * self.time.abs() {
+            let rounding = f64::EPSILON * self.time.abs();
+            if h.is_nan() || h <= rounding || self.made <= 4.0 * rounding {
                 // Steps shrink before a place without a rate.
-                return Err(match refusal {
+                return Err(match inner.refusal.take() {
                     Some((time, source)) => AdaptiveError::RightHandSide { time, source },
                     None => AdaptiveError::StepSize {
                         time: self.time,
                         step: h,
                     },
                 });
+            }
+            if self.made > 1e4 * rounding {
+                inner.refusal = None;
             }
             (inner.evaluations, inner.jacobians)
         };
@@ -504,14 +522,15 @@ impl<'p, 's, S: Differentiable> Run<'p, 's, S> {
         }
         let at = solver.point();
         self.y.copy_from_slice(at.y);
+        self.rate_before.copy_from_slice(&self.rate);
         self.rate.copy_from_slice(at.rate);
         let made = at.time - self.time;
         // The solvers count times that differ by rounding as one.
         let close = 200.0 * f64::EPSILON * (stop.abs() + made.abs());
-        self.time = if (at.time - stop).abs() <= close {
-            stop
+        (self.time, self.made) = if (at.time - stop).abs() <= close {
+            (stop, f64::INFINITY)
         } else {
-            at.time
+            (at.time, made)
         };
         if let Some(component) = self
             .y
@@ -525,8 +544,11 @@ impl<'p, 's, S: Differentiable> Run<'p, 's, S> {
             });
         }
         let counts = solver.counts();
-        self.statistics.rejected += counts.0.saturating_sub(self.counts.0);
-        self.statistics.factorizations += counts.1.saturating_sub(self.counts.1);
+
+        let rejected = counts.0.saturating_sub(self.counts.0);
+        let factorizations = counts.1.saturating_sub(self.counts.1);
+        self.statistics.rejected += rejected;
+        self.statistics.factorizations += factorizations;
         self.counts = counts;
         self.statistics.steps += 1;
         if self.starting {
@@ -537,23 +559,40 @@ impl<'p, 's, S: Differentiable> Run<'p, 's, S> {
             self.statistics.explicit_steps += 1;
         }
         if self.settings.method == Method::Automatic {
-            self.judge(made, before);
+            let (evaluations, jacobians) = {
+                let inner = self.problem.eqn.inner.borrow();
+                (inner.evaluations - before.0, inner.jacobians - before.1)
+            };
+            self.judge(Taken {
+                h: made,
+                evaluations,
+                jacobians,
+                factorizations,
+                rejected,
+            });
         }
         Ok(())
     }
 
-    fn judge(&mut self, made: f64, (evaluations, jacobians): (usize, usize)) {
+    /// Asks whether to go on with the other method.
+    fn judge(&mut self, taken: Taken) {
         let inner = self.problem.eqn.inner.borrow();
-        let cost = STEP
-            + (inner.evaluations - evaluations) as f64
-            + jacobian_cost(self.y.len()) * (inner.jacobians - jacobians) as f64;
         self.next = if self.method == Method::Tsit5 {
+            let remaining = self.end - self.time;
             self.watch
-                .explicit_step(made, cost, inner.slope(), self.end - self.time)
-                .then_some((self.stiff, made))
+                .explicit_step(taken, inner.slope(), remaining)
+                .then(|| {
+                    let first = if self.stiff == Method::Bdf {
+                        let change = inner.norm_of_change(&self.rate, &self.rate_before, &self.y);
+                        after_explicit(taken.h, change)
+                    } else {
+                        taken.h
+                    };
+                    (self.stiff, first)
+                })
         } else {
             self.watch
-                .implicit_step(made, cost, (inner.jacobians, inner.last_jacobian()))
+                .implicit_step(taken, (inner.jacobians, inner.last_jacobian()))
                 .map(|h| (Method::Tsit5, h))
         };
     }

@@ -17,6 +17,8 @@ pub enum Method {
     Bdf,
     /// [`Tsit5`](Method::Tsit5) where steps are bounded by accuracy, an implicit method where they are bounded by stability, both
     /// ways: [`Bdf`](Method::Bdf) where one input is held all the time, else [`Esdirk34`](Method::Esdirk34).
+    ///
+    /// The implicit one steps at a tenth of the tolerances: at the same ones its errors at the end are some ten times those of Tsit5.
     Automatic,
 }
 
