@@ -7,10 +7,10 @@ use std::f64::consts::PI;
 use approx::assert_abs_diff_eq;
 use integrators::event::{
     At, ContactError, ContactSystem, Coulomb, Direction, Event, EventKind, EventRollOut,
-    EventStepper, Friction, Law, LawFault, Limits, Masses, roll_out_events,
+    EventRollOutError, EventStepper, Friction, Law, LawFault, Limits, Masses, roll_out_events,
 };
 use integrators::problems::StickSlip;
-use integrators::{Ode, Rk4, RollOutError, Rotation, StepError, roll_out};
+use integrators::{Ode, Rk4, Rotation, roll_out};
 use nalgebra::DMatrix;
 use proptest::prelude::*;
 
@@ -712,10 +712,7 @@ where
     S::Error: std::fmt::Debug,
 {
     match roll_out_events(system, laws, &[0.0, 1.0], &[()], 10, initial).unwrap_err() {
-        RollOutError::Step {
-            source: StepError::RightHandSide(error),
-            ..
-        } => error,
+        EventRollOutError::Contacts { source, .. } => source,
         other => panic!("{other:?}"),
     }
 }
@@ -904,10 +901,7 @@ fn a_start_that_is_none_is_refused_even_for_one_sample() {
     let refused = |x: &[f64]| {
         let floor = Law::stop(&[1.0], 0.0, 0.5);
         match roll_out_events(&free, vec![floor], &[0.0], &[], 1, x).unwrap_err() {
-            RollOutError::Step {
-                source: StepError::RightHandSide(error),
-                ..
-            } => error,
+            EventRollOutError::Contacts { source, .. } => source,
             other => panic!("{other:?}"),
         }
     };
@@ -953,4 +947,54 @@ fn a_stepper_that_was_used_steps_as_a_fresh_one() {
     assert_eq!(a, b);
     assert!(a[1] > 0.8, "it rebounds: {a:?}");
     assert_eq!(used.events(), other.events());
+}
+
+/// A ball on the floor to the last digit but one may start; what is clearly behind it may not.
+#[test]
+fn a_start_behind_a_stop_by_rounding_is_one_on_it() {
+    let falling = masses([1.0], |_, _, _| [-9.81]);
+    let floor = || vec![Law::stop(&[1.0], 0.0, 0.5)];
+    for depth in [1e-17, 1e-13] {
+        let rolled = roll_out_events(&falling, floor(), &[0.0, 1.0], &[()], 3, &[-depth, 0.0]);
+        assert_eq!(rolled.unwrap().states, vec![vec![0.0, 0.0]; 2]);
+        // It strikes at once.
+        let struck = motion(&falling, floor(), (0.01, 1, 1), &[-depth, -1.0]);
+        assert_eq!(struck.events[0].time, 0.0);
+        assert_abs_diff_eq!(struck.states[1][1], 0.5 - 9.81 * 0.01, epsilon = 1e-12);
+    }
+    let refused = refusal(&falling, floor(), &[-1e-11, 0.0]);
+    assert!(matches!(refused, ContactError::Penetration { law: 0, .. }));
+    let said = roll_out_events(&falling, floor(), &[0.0, 1.0], &[()], 3, &[-1.0, 0.0]);
+    let said = said.unwrap_err().to_string();
+    assert!(
+        said.contains("the gap of law 0 is -1") && !said.contains("equations"),
+        "{said}"
+    );
+}
+
+/// e = 1/(1 + v m): the blow knows its speed and the mass that the other body, which gives way, leaves of 2 kg.
+#[test]
+fn a_restitution_of_the_blow_knows_its_speed_and_its_mass() {
+    let pair = masses([2.0, 6.0], |_, _, _| [0.0, 0.0]);
+    let law = Law::stop(&[-1.0, 1.0], 0.0, 0.0)
+        .with_restitution(|strike| 1.0 / (1.0 + strike.speed * strike.mass));
+    let rolled = motion(&pair, vec![law], (1.0, 1, 1), &[0.0, 0.4, 1.0, 0.0]);
+    // 1/(1/2 + 1/6) = 1.5 kg at 1 m/s; the centre goes on with 1/4 m/s.
+    let e = 1.0 / 2.5;
+    let [_, _, slow, fast] = rolled.states[1][..] else {
+        panic!("{:?}", rolled.states)
+    };
+    assert_abs_diff_eq!(fast - slow, e, epsilon = 1e-14);
+    assert_abs_diff_eq!(2.0 * slow + 6.0 * fast, 2.0, epsilon = 1e-14);
+
+    let wrong = Law::stop(&[-1.0, 1.0], 0.0, 0.0).with_restitution(|_| 1.5);
+    let refused = refusal(&pair, vec![wrong], &[0.0, 0.4, 1.0, 0.0]);
+    assert!(matches!(
+        refused,
+        ContactError::Restitution {
+            law: 0,
+            value: 1.5,
+            ..
+        }
+    ));
 }

@@ -79,6 +79,18 @@ pub enum ContactError<E> {
         /// The sliding force at speed 0.
         sliding: f64,
     },
+    /// A stop whose restitution is none.
+    #[error(
+        "law {law} has the restitution {value} at t = {time} s: it must be at least 0 and at most 1"
+    )]
+    Restitution {
+        /// Its number in the list.
+        law: usize,
+        /// s.
+        time: f64,
+        /// e.
+        value: f64,
+    },
     /// What holds a contact at rest is no number.
     #[error(
         "the force of law {law} at rest is {value} at t = {time} s: look for a force of the mechanism that is not finite"

@@ -6,7 +6,7 @@
 //! all stops that are struck at once have one e; with different ones it can.
 
 use super::complementarity::Complementarity;
-use super::law::Kind;
+use super::law::{Kind, Strike};
 use super::motion::{Motion, Work, dot};
 use super::{ContactError, ContactSystem, Event, EventKind, Law};
 use crate::Space;
@@ -23,7 +23,7 @@ pub(super) struct Impact {
 }
 
 impl Impact {
-    /// Resolves what approaches at closed stops, `restitution(law, e, speed of approach)`. Of the laws that are `still`, those that
+    /// Resolves what approaches at closed stops, with the `restitution(law, e, speed of approach)` in place of a law's own e. Of the laws that are `still`, those that
     /// move now are none any more; stops without rebound are.
     pub fn resolve<S: ContactSystem>(
         &mut self,
@@ -35,7 +35,7 @@ impl Impact {
         events: &mut Vec<Event>,
     ) -> Result<(), ContactError<S::Error>> {
         let laws = motion.laws;
-        if !self.collect(motion, x, restitution) {
+        if !self.collect(motion, x) {
             return Ok(());
         }
         // No law slides in an instant.
@@ -57,6 +57,24 @@ impl Impact {
             {
                 *entry = dot(w, lever);
             }
+            let strike = Strike {
+                speed: self.wanted[row],
+                mass: 1.0 / problem.a[row * n + row],
+            };
+            self.wanted[row] = match &laws[k].kind {
+                Kind::Stop { restitution: e, .. } if strike.speed > 0.0 => {
+                    let value = e.at(strike);
+                    if !(0.0..=1.0).contains(&value) {
+                        return Err(ContactError::Restitution {
+                            law: k,
+                            time,
+                            value,
+                        });
+                    }
+                    restitution(k, value, strike.speed) * strike.speed
+                }
+                _ => 0.0,
+            };
             problem.b[row] = self.before[row] - self.wanted[row];
             problem.upper[row] = f64::INFINITY;
         }
@@ -108,22 +126,17 @@ impl Impact {
         Ok(())
     }
 
-    /// The closed stops; whether anything approaches one of them.
-    fn collect<S: ContactSystem>(
-        &mut self,
-        motion: &Motion<'_, S>,
-        x: &[f64],
-        restitution: impl Fn(usize, f64, f64) -> f64,
-    ) -> bool {
+    /// The closed stops, their w·v⁻ and, in `wanted`, their speeds of approach; whether anything approaches one of them.
+    fn collect<S: ContactSystem>(&mut self, motion: &Motion<'_, S>, x: &[f64]) -> bool {
         let (q, v) = motion.split(x);
         self.closed.clear();
         self.before.clear();
         self.wanted.clear();
         let mut approaches = false;
         for (k, law) in motion.laws.iter().enumerate() {
-            let Kind::Stop { restitution: e, .. } = law.kind else {
+            if matches!(law.kind, Kind::Friction { .. }) {
                 continue;
-            };
+            }
             let (gap, rounding) = law.gap(q);
             if gap > rounding {
                 continue;
@@ -133,7 +146,7 @@ impl Impact {
             approaches |= approach > 0.0;
             self.closed.push(k);
             self.before.push(slip);
-            self.wanted.push(restitution(k, e, approach) * approach);
+            self.wanted.push(approach);
         }
         approaches
     }

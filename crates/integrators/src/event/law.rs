@@ -26,8 +26,33 @@ pub(super) enum Kind {
     Stop {
         row: Vec<f64>,
         offset: f64,
-        restitution: f64,
+        restitution: Restitution,
     },
+}
+
+/// e in ġ⁺ = −e ġ⁻.
+#[derive(Clone)]
+pub(super) enum Restitution {
+    Constant(f64),
+    Of(Arc<dyn Fn(Strike) -> f64 + Send + Sync>),
+}
+
+/// A blow, as a [restitution](Law::with_restitution) that is no constant knows it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Strike {
+    /// |ġ⁻|, in the unit of w·v; 0 at a closed stop that nothing approaches.
+    pub speed: f64,
+    /// What is effectively thrown against the stop by itself, 1/(w·M⁻¹w): kg for a length, kg·m² for an angle.
+    pub mass: f64,
+}
+
+impl Restitution {
+    pub fn at(&self, strike: Strike) -> f64 {
+        match self {
+            Restitution::Constant(e) => *e,
+            Restitution::Of(law) => law(strike),
+        }
+    }
 }
 
 impl Law {
@@ -71,9 +96,21 @@ impl Law {
             kind: Kind::Stop {
                 row: row.to_vec(),
                 offset,
-                restitution,
+                restitution: Restitution::Constant(restitution),
             },
         }
+    }
+
+    /// The same stop with a restitution that depends on the blow, as that of rubber on the speed or that of a spring and a damper on
+    /// the mass. What it returns must lie in [0, 1]. A friction is as it was.
+    ///
+    /// Where e tends to 1 for slow blows, a body that bounces on the stop does not come to rest in a finite number of them.
+    #[must_use]
+    pub fn with_restitution(mut self, law: impl Fn(Strike) -> f64 + Send + Sync + 'static) -> Self {
+        if let Kind::Stop { restitution, .. } = &mut self.kind {
+            *restitution = Restitution::Of(Arc::new(law));
+        }
+        self
     }
 
     pub(super) fn check(&self, nq: usize, nv: usize) -> Result<(), LawFault> {
@@ -107,12 +144,11 @@ impl Law {
                 length("the row of the gap", row, nq)?;
                 finite("the row of the gap", row)?;
                 finite("the offset", &[*offset])?;
-                if (0.0..=1.0).contains(restitution) {
-                    Ok(())
-                } else {
-                    Err(LawFault::Restitution {
-                        value: *restitution,
-                    })
+                match restitution {
+                    Restitution::Constant(e) if !(0.0..=1.0).contains(e) => {
+                        Err(LawFault::Restitution { value: *e })
+                    }
+                    _ => Ok(()),
                 }
             }
         }
@@ -213,10 +249,13 @@ impl fmt::Debug for Law {
                 row,
                 offset,
                 restitution,
-            } => text
-                .field("row", row)
-                .field("offset", offset)
-                .field("restitution", restitution),
+            } => text.field("row", row).field("offset", offset).field(
+                "restitution",
+                match restitution {
+                    Restitution::Constant(e) => e,
+                    Restitution::Of(_) => &"of the blow",
+                },
+            ),
         };
         text.finish_non_exhaustive()
     }

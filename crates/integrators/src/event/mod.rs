@@ -47,9 +47,9 @@ mod system;
 
 pub use error::ContactError;
 pub use friction::{At, Coulomb, Direction, Friction};
-pub use law::{Law, LawFault};
+pub use law::{Law, LawFault, Strike};
 pub use occurrence::{Event, EventKind};
-pub use roll_out::{EventRollOut, roll_out_events};
+pub use roll_out::{EventRollOut, EventRollOutError, roll_out_events};
 pub use stepper::{EventStepper, Limits};
 pub use system::{ContactSystem, Masses};
 

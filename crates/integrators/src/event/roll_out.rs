@@ -1,8 +1,25 @@
 //! A whole motion with contacts over sample times.
 
 use super::{ContactError, ContactSystem, Event, EventStepper, Law};
+use crate::RollOutError;
 use crate::fixed::check_arguments;
-use crate::{RollOutError, StepError};
+
+/// Why a roll-out with contacts stopped. `E` is the error of the [`ContactSystem`].
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum EventRollOutError<E> {
+    /// The times, inputs or substeps are none; found before the first step.
+    #[error("{0}")]
+    Arguments(RollOutError<E>),
+    /// The laws, the start, or what happens between two samples.
+    #[error("the motion with contacts stops after t = {time} s: {source}")]
+    Contacts {
+        /// The last sample that was reached, s.
+        time: f64,
+        /// Why.
+        source: ContactError<E>,
+    },
+}
 
 /// States at the sample times and what happened between them.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -42,7 +59,7 @@ pub struct EventRollOut {
 /// ```
 ///
 /// # Errors
-/// See [`RollOutError`] and, for what happens in a step, [`ContactError`] in it; the arguments are checked before the first step.
+/// [`EventRollOutError`]; the arguments are checked before the first step.
 pub fn roll_out_events<S>(
     system: &S,
     laws: Vec<Law>,
@@ -50,26 +67,19 @@ pub fn roll_out_events<S>(
     inputs: &[S::Input],
     substeps: usize,
     initial: &[f64],
-) -> Result<EventRollOut, RollOutError<ContactError<S::Error>>>
+) -> Result<EventRollOut, EventRollOutError<S::Error>>
 where
     S: ContactSystem,
     S::Input: Sized,
 {
-    check_arguments(times, inputs.len(), substeps)?;
+    check_arguments(times, inputs.len(), substeps).map_err(EventRollOutError::Arguments)?;
     let Some(&start) = times.first() else {
         return Ok(EventRollOut::default());
     };
-    let fail = |time| {
-        move |source| RollOutError::Step {
-            time,
-            source: StepError::RightHandSide(source),
-        }
-    };
+    let fail = |time| move |source| EventRollOutError::Contacts { time, source };
     let mut stepper = EventStepper::new(system, laws).map_err(fail(start))?;
-    stepper
-        .check_start(system, start, initial)
-        .map_err(fail(start))?;
     let mut x = initial.to_vec();
+    stepper.start(system, start, &mut x).map_err(fail(start))?;
     let mut states = Vec::with_capacity(times.len());
     states.push(x.clone());
     for ((&from, &to), u) in times.iter().zip(times.iter().skip(1)).zip(inputs) {

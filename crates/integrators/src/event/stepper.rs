@@ -26,6 +26,9 @@ pub struct Limits {
     pub most_changes: usize,
     /// This many events within one step are an error; by default 1000.
     pub most_events: usize,
+    /// A motion that starts behind a stop by no more than this starts on it, one that starts further behind is refused; in the unit
+    /// of the gap, by default 1e-12.
+    pub least_depth: f64,
 }
 
 impl Default for Limits {
@@ -35,6 +38,7 @@ impl Default for Limits {
             most_impacts: 100,
             most_changes: 16,
             most_events: 1000,
+            least_depth: 1e-12,
         }
     }
 }
@@ -140,7 +144,7 @@ impl<S: ContactSystem> EventStepper<S> {
         if self.started && self.last == x {
             self.note_rest();
         } else {
-            self.check_start(system, start, x)?;
+            self.start(system, start, x)?;
             self.still.fill(false);
             self.started = false;
         }
@@ -156,23 +160,24 @@ impl<S: ContactSystem> EventStepper<S> {
         Ok(())
     }
 
-    /// Refuses a state of the wrong length, one that is no number, and one behind a stop.
-    pub(super) fn check_start(
+    /// Refuses a state of the wrong length, one that is no number, and one behind a stop; what is behind a stop by rounding is put
+    /// on it.
+    pub(super) fn start(
         &self,
         system: &S,
         time: f64,
-        x: &[f64],
+        x: &mut [f64],
     ) -> Result<(), ContactError<S::Error>> {
         check_length(system, x)?;
         check_finite(time, x)?;
-        let (q, _) = x.split_at(system.positions().dim());
-        for (law, gap) in self.laws.iter().map(|law| law.gap(q)).enumerate() {
-            if gap.0 < -gap.1 {
-                return Err(ContactError::Penetration {
-                    law,
-                    time,
-                    gap: gap.0,
-                });
+        let (q, _) = x.split_at_mut(system.positions().dim());
+        for (law, stop) in self.laws.iter().enumerate() {
+            let (gap, rounding) = stop.gap(q);
+            if gap < -rounding.max(self.limits.least_depth) {
+                return Err(ContactError::Penetration { law, time, gap });
+            }
+            if gap < -rounding {
+                stop.close(q);
             }
         }
         Ok(())
