@@ -88,6 +88,8 @@ pub struct Known {
 pub struct Rail {
     /// The cart's travel to each side of x = 0, m.
     pub limit: f64,
+    /// Speed after a blow on an end of it over the speed before.
+    pub restitution: f64,
 }
 
 /// The noise of each level.
@@ -178,6 +180,8 @@ pub struct HiddenRanges {
     pub input_gain_error: Motor,
     /// Delay, s.
     pub input_delay: Motor,
+    /// Between motor and cart; only where it is asked for.
+    pub backlash: Backlash,
 }
 
 /// A range for each joint.
@@ -214,6 +218,18 @@ pub struct Stribeck {
     pub slider: Range,
     /// Stribeck velocity, m/s.
     pub velocity: Range,
+}
+
+/// Ranges of backlash.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Backlash {
+    /// Way of the motor from one flank to the other with the cart at rest, m.
+    pub motor: Range,
+    /// Relative speed after a blow over that before.
+    pub restitution: Range,
+    /// The part of the mass that slides that is the motor's, kg.
+    pub motor_inertia: Range,
 }
 
 /// Ranges of a linear spring.
@@ -302,6 +318,7 @@ impl Config {
             1e3,
         );
         check.number("rail.limit", self.rail.limit, 1e-3, 1e3);
+        check.number("rail.restitution", self.rail.restitution, 0.0, 1.0);
         let levels = [
             ("low", &self.noise_levels.low),
             ("realistic", &self.noise_levels.realistic),
@@ -378,6 +395,10 @@ impl Config {
         check.range("hidden.input_gain_error.motor", gain, 0.0, 0.99);
         let delay = h.input_delay.motor;
         check.range("hidden.input_delay.motor", delay, 0.0, 10.0);
+        let b = h.backlash;
+        check.range("hidden.backlash.motor", b.motor, 1e-6, 1.0);
+        check.range("hidden.backlash.restitution", b.restitution, 0.0, 1.0);
+        check.range("hidden.backlash.motor_inertia", b.motor_inertia, 1e-6, 1e6);
         check.0
     }
 }

@@ -63,6 +63,10 @@ fn the_hidden_effect_can_be_chosen() {
         hidden(&["--effect", "input_delay"]),
         ("input_delay", Some("motor"))
     );
+    assert_eq!(
+        hidden(&["--effect", "backlash"]),
+        ("backlash", Some("motor"))
+    );
     let drag = hidden(&["--effect", "quadratic_drag@pole", "--noise", "low"]);
     assert_eq!(drag, ("quadratic_drag", Some("pole")));
     assert_eq!(

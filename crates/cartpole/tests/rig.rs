@@ -1,13 +1,13 @@
 //! The virtual rig against physics, against its own promises, and against closed forms.
-#![allow(clippy::unwrap_used, clippy::needless_range_loop)] // helpers of tests; i counts joints
+#![allow(clippy::unwrap_used, clippy::panic, clippy::needless_range_loop)] // helpers of tests; i counts joints
 
 use std::path::{Path, PathBuf};
 
-use cartpole::config::{Config, NoiseLevel};
-use cartpole::rig::effects::{DryFriction, Effects, JointForces};
+use cartpole::config::{Config, NoiseLevel, Rail};
+use cartpole::rig::effects::{Backlash, DryFriction, Effects, JointForces};
 use cartpole::rig::plant::{self, Plant};
 use cartpole::rig::truth::{State, Truth};
-use cartpole::rig::{self, CASES, Hidden, Key, Recording, Target, draw, draw_of};
+use cartpole::rig::{self, CASES, CHOICES, Hidden, Key, Recording, Target, draw, draw_of};
 
 /// Total mass, kg; first and second moment of the pole about its pivot, kg·m and kg·m² (Table 2 of the paper); g, m/s².
 const MASS: f64 = 0.538;
@@ -27,6 +27,16 @@ impl Plant for ByHand {
             [[MASS, P * cos], [P * cos, J]],
             [-P * sin * v[1] * v[1], -P * G * sin],
         )
+    }
+}
+
+/// A cart of 0.5 kg without a pole to disturb it.
+#[derive(Clone)]
+struct Block;
+
+impl Plant for Block {
+    fn mass_and_bias(&mut self, _: [f64; 2], _: [f64; 2]) -> ([[f64; 2]; 2], [f64; 2]) {
+        ([[0.5, 0.0], [0.0, 1.0]], [0.0, 0.0])
     }
 }
 
@@ -156,14 +166,6 @@ fn stuck_cart_stays_at_rest_below_breakaway_and_moves_above() {
 
 #[test]
 fn sliding_cart_comes_to_rest_when_and_where_coulomb_says() {
-    /// A cart without a pole to disturb it.
-    #[derive(Clone)]
-    struct Block;
-    impl Plant for Block {
-        fn mass_and_bias(&mut self, _: [f64; 2], _: [f64; 2]) -> ([[f64; 2]; 2], [f64; 2]) {
-            ([[0.5, 0.0], [0.0, 1.0]], [0.0, 0.0])
-        }
-    }
     let start = State {
         q: [0.0, 0.0],
         v: [0.37, 0.0],
@@ -553,7 +555,7 @@ fn settings_report_all_faults_with_line_and_column() {
         message.contains("noise_levels.high.encoder_counts is 0"),
         "{message}"
     );
-    let unknown = text.replace("[rail]\nlimit", "[rail]\nlimits");
+    let unknown = text.replace("[rail]\nlimit ", "[rail]\nlimits ");
     let message = Config::parse(&unknown, "rig.toml").unwrap_err().to_string();
     assert!(message.contains("unknown field `limits`"), "{message}");
     let nan = text.replace("tremor       = 0.25", "tremor       = nan");
@@ -576,8 +578,145 @@ fn impossible_effects_are_refused_by_name() {
         delay: 0.02,
     };
     assert!(misplaced.check().is_err());
+    let bouncing = Hidden::Backlash {
+        target: Target::Motor,
+        gap: 1e-3,
+        restitution: 1.5,
+        motor_inertia: 0.1,
+    };
+    let message = bouncing.check().unwrap_err().to_string();
+    assert!(message.contains("restitution is 1.5"), "{message}");
+}
+
+#[test]
+fn the_end_of_the_rail_turns_the_cart_back_by_its_restitution() {
+    let effects = Effects {
+        rail: Some(Rail {
+            limit: 0.1,
+            restitution: 0.3,
+        }),
+        ..Effects::default()
+    };
+    let start = State {
+        q: [0.0, 0.0],
+        v: [0.37, 0.0],
+    };
+    let mut truth = Truth::new(Block, effects, 5e-4, start);
+    truth.advance(0.0, 1.0).unwrap();
+    let blow = 0.1 / 0.37;
+    assert_eq!(truth.blows().len(), 1);
+    approx::assert_abs_diff_eq!(truth.blows()[0], blow, epsilon = 1e-12);
+    let State { q, v } = truth.state();
+    approx::assert_abs_diff_eq!(v[0], -0.3 * 0.37, epsilon = 1e-13);
+    approx::assert_abs_diff_eq!(q[0], 0.1 - 0.3 * 0.37 * (1.0 - blow), epsilon = 1e-12);
+    // Pushed against the end it comes to rest there, and it leaves it when pulled.
+    truth.advance(1.0, 2.0).unwrap();
+    assert_eq!((truth.state().q[0], truth.state().v[0]), (0.1, 0.0));
+    truth.advance(-1.0, 0.1).unwrap();
+    approx::assert_abs_diff_eq!(truth.state().q[0], 0.1 - 0.01, epsilon = 1e-12);
+}
+
+#[test]
+fn a_hand_that_does_not_see_the_end_of_the_rail_drives_the_cart_against_it() {
     let mut config = config();
     config.rail.limit = 0.05;
-    let error = rig::run_with(ByHand, &config, &Hidden::Nothing, 1).unwrap_err();
-    assert!(error.to_string().contains("beyond the rail's limit"));
+    let (log, states) = run(&config, &Hidden::Nothing, 1);
+    assert!(
+        log.blows.len() > 20 && log.blows.is_sorted(),
+        "{:?}",
+        log.blows
+    );
+    assert!(states.iter().all(|s| s.q[0].abs() <= 0.05 + 1e-12));
+    config.rail.limit = 0.325;
+    assert!(run(&config, &Hidden::Nothing, 1).0.blows.is_empty());
+}
+
+/// A gap of 4 mm between a motor of 0.1 kg and a cart of 0.4 kg without friction.
+fn with_gap(gap: f64, restitution: f64) -> Effects {
+    Effects {
+        backlash: Some(Backlash {
+            gap,
+            restitution,
+            motor_inertia: 0.1,
+        }),
+        ..Effects::default()
+    }
+}
+
+#[test]
+fn backlash_lets_the_motor_strike_the_cart_when_and_as_hard_as_it_must() {
+    let still = State {
+        q: [0.0, 0.0],
+        v: [0.0, 0.0],
+    };
+    let (force, e) = (0.2, 0.4);
+    let mut truth = Truth::new(Block, with_gap(4e-3, e), 5e-4, still);
+    // 2 m/s² over 2 mm.
+    let (blow, speed) = (2e-3_f64.sqrt(), 2.0 * 2e-3_f64.sqrt());
+    truth.advance(force, blow - 1e-6).unwrap();
+    assert_eq!(truth.state(), still);
+    truth.advance(0.0, 2e-6).unwrap();
+    // Momentum stays, and the relative speed is turned: 0.1 kg against 0.4 kg. The force ended 1 µs before the blow.
+    let speed = speed - 2.0 * 1e-6;
+    approx::assert_abs_diff_eq!(truth.state().v[0], speed * (1.0 + e) / 5.0, epsilon = 1e-12);
+    approx::assert_abs_diff_eq!(
+        truth.motor().1,
+        speed * (1.0 - 4.0 * e) / 5.0,
+        epsilon = 1e-12
+    );
+    // All that the drive gives becomes momentum, and in the end both go together, flank on flank.
+    truth.advance(force, 2.0).unwrap();
+    let given = force * (2.0 + blow - 1e-6);
+    let ((z, z_dot), State { q, v }) = (truth.motor(), truth.state());
+    approx::assert_abs_diff_eq!(0.1 * z_dot + 0.4 * v[0], given, epsilon = 1e-12);
+    approx::assert_abs_diff_eq!(z_dot, v[0], epsilon = 1e-12);
+    approx::assert_abs_diff_eq!(z - q[0], 2e-3, epsilon = 1e-12);
+}
+
+#[test]
+fn a_small_gap_is_the_rig_without_one() {
+    let apart = |gap: f64| {
+        let mut with = Truth::new(ByHand, with_gap(gap, 0.3), 5e-4, State::HANGING);
+        let mut without = Truth::new(ByHand, Effects::default(), 5e-4, State::HANGING);
+        let mut most = 0.0_f64;
+        for k in 0..60 {
+            let force = if k / 15 % 2 == 0 { 1.0 } else { -1.0 };
+            with.advance(force, 0.02).unwrap();
+            without.advance(force, 0.02).unwrap();
+            let (x, x_without) = (with.state().q[0], without.state().q[0]);
+            assert!((with.motor().0 - x).abs() <= 0.5 * gap + 1e-12);
+            most = most.max((x - x_without).abs());
+        }
+        most / gap
+    };
+    let found = [4e-3, 4e-4, 4e-5].map(apart);
+    eprintln!("apart by {found:?} gaps");
+    assert!(
+        found.iter().all(|apart| (0.1..30.0).contains(apart)),
+        "{found:?}"
+    );
+}
+
+#[test]
+fn backlash_is_recorded_when_it_is_asked_for_and_never_drawn() {
+    let mut config = config();
+    config.duration = 20.0;
+    for seed in 1..4 {
+        let hidden = draw_of(&config, CASES, seed);
+        let Hidden::Backlash { gap, .. } = hidden else {
+            panic!("{hidden:?}")
+        };
+        hidden.check().unwrap();
+        assert!((2e-3..=8e-3).contains(&gap));
+        let (log, states) = run(&config, &hidden, seed);
+        assert_eq!(log, run(&config, &hidden, seed).0);
+        assert!(states.iter().all(|s| s.q[0].abs() < 0.325));
+        assert_ne!(log.q, run(&config, &Hidden::Nothing, seed).0.q);
+        let key = Key::new(&config, &hidden, seed);
+        let said = serde_json::to_value(&key).unwrap();
+        assert_eq!(said["hidden"]["kind"], "backlash");
+        assert_eq!(said["hidden"]["gap"], gap);
+    }
+    assert_eq!(CHOICES, CASES + 1);
+    assert!((0..500).all(|seed| draw(&config, seed).kind() != "backlash"));
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::{Error, Options};
 use crate::config::Config;
-use crate::rig::{CASES, Hidden, draw, draw_of};
+use crate::rig::{CHOICES, Hidden, draw, draw_of};
 
 /// What a run of the program works with.
 pub(super) struct Setting {
@@ -60,7 +60,9 @@ fn chosen(config: &Config, name: &str, seed: u64) -> Result<Hidden, Error> {
         Some((kind, target)) => (kind, Some(target)),
         None => (name, None),
     };
-    let all: Vec<Hidden> = (0..CASES).map(|case| draw_of(config, case, seed)).collect();
+    let all: Vec<Hidden> = (0..CHOICES)
+        .map(|case| draw_of(config, case, seed))
+        .collect();
     let matching: Vec<&Hidden> = all
         .iter()
         .filter(|h| h.kind() == kind)

@@ -107,6 +107,12 @@ fn record(setting: &Setting, output: &Output) -> Result<Recorded, Error> {
         log.display(),
         model.display()
     ))?;
+    if let Some(first) = recording.blows.first() {
+        output.say(&format!(
+            "the cart struck an end of its rail {} times, first at t = {first:.2} s: the model knows of no stops\n",
+            recording.blows.len()
+        ))?;
+    }
     Ok(Recorded { log, model, key })
 }
 
@@ -143,7 +149,12 @@ fn in_words(hidden: &Hidden) -> String {
     let mut words = format!("{} on {}", hidden.kind(), target.name());
     for (name, value) in hidden.parameters() {
         let spec = specs.iter().find(|spec| spec.name == name);
-        let unit = spec.map_or("", |spec| spec.quantity.unit(angular));
+        let unit = match (spec, name) {
+            (Some(spec), _) => spec.quantity.unit(angular),
+            (None, "gap") => "m",
+            (None, "motor_inertia") => "kg",
+            (None, _) => "",
+        };
         let unit = if unit == "1" { "" } else { unit };
         let value = three_digits(value);
         words += format!(", {name} = {value} {unit}").trim_end();

@@ -3,7 +3,7 @@
 use integrators::event::Direction;
 
 use super::{Error, Hidden, Target};
-use crate::config::Known;
+use crate::config::{Known, Rail};
 
 /// The forces on one joint: smooth ones, and dry friction, which is set-valued at rest.
 ///
@@ -79,6 +79,18 @@ pub struct Drive {
     pub delay: f64,
 }
 
+/// A gap between the motor and the cart: |z − x| ≤ gap/2 for the motor's place z and the cart's x, m. The motor's inertia is a part
+/// of the mass that slides in the model, so that with a gap of 0 the rig is that of the model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Backlash {
+    /// m.
+    pub gap: f64,
+    /// e of the blows on the flanks.
+    pub restitution: f64,
+    /// kg.
+    pub motor_inertia: f64,
+}
+
 /// Everything that acts on the rig.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Effects {
@@ -86,6 +98,10 @@ pub struct Effects {
     pub joints: [JointForces; 2],
     /// From the logged input to the cart.
     pub drive: Drive,
+    /// Between the motor, on which the input then acts, and the cart.
+    pub backlash: Option<Backlash>,
+    /// The ends of the rail, where it has some.
+    pub rail: Option<Rail>,
 }
 
 impl Effects {
@@ -101,7 +117,12 @@ impl Effects {
         };
         effects.joints[0].dry = symmetric(known.slider_coulomb_friction);
         effects.joints[1].viscous = known.pole_viscous_friction;
-        let Effects { joints, drive } = &mut effects;
+        let Effects {
+            joints,
+            drive,
+            backlash,
+            ..
+        } = &mut effects;
         let [slider, pole] = joints;
         let joint = if hidden.target() == Some(Target::Pole) {
             pole
@@ -146,6 +167,18 @@ impl Effects {
             Hidden::ConstantForce { force, .. } => joint.constant = force,
             Hidden::InputGainError { gain, .. } => drive.gain = gain,
             Hidden::InputDelay { delay, .. } => drive.delay = delay,
+            Hidden::Backlash {
+                gap,
+                restitution,
+                motor_inertia,
+                ..
+            } => {
+                *backlash = Some(Backlash {
+                    gap,
+                    restitution,
+                    motor_inertia,
+                });
+            }
         }
         Ok(effects)
     }

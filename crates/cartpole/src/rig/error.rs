@@ -47,19 +47,6 @@ pub enum Error {
     /// The motion has no solution.
     #[error("{0}")]
     Motion(ContactError<Infallible>),
-    /// The cart has come to the end of its rail.
-    #[error(
-        "the cart is at x = {position} m at t = {time} s, beyond the rail's limit of ±{limit} m: \
-         lower operator.reach or raise operator.stiffness"
-    )]
-    OffTheRail {
-        /// When, s.
-        time: f64,
-        /// Where, m.
-        position: f64,
-        /// The rail's limit, m.
-        limit: f64,
-    },
     /// An effect that the rig cannot have.
     #[error("{kind} on {target}: {reason}")]
     Effect {

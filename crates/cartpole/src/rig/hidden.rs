@@ -115,6 +115,17 @@ pub enum Hidden {
         /// T, s.
         delay: f64,
     },
+    /// The input drives the motor, the motor the cart through flanks with a gap between them.
+    Backlash {
+        /// Input.
+        target: Target,
+        /// Way of the motor from one flank to the other, m.
+        gap: f64,
+        /// e of the blows.
+        restitution: f64,
+        /// The motor's part of the mass that slides, kg.
+        motor_inertia: f64,
+    },
 }
 
 impl Hidden {
@@ -132,6 +143,7 @@ impl Hidden {
             Hidden::ConstantForce { .. } => "constant_force",
             Hidden::InputGainError { .. } => "input_gain_error",
             Hidden::InputDelay { .. } => "input_delay",
+            Hidden::Backlash { .. } => "backlash",
         }
     }
 
@@ -148,7 +160,8 @@ impl Hidden {
             | Hidden::CubicSpring { target, .. }
             | Hidden::ConstantForce { target, .. }
             | Hidden::InputGainError { target, .. }
-            | Hidden::InputDelay { target, .. } => Some(target),
+            | Hidden::InputDelay { target, .. }
+            | Hidden::Backlash { target, .. } => Some(target),
         }
     }
 
@@ -185,6 +198,16 @@ impl Hidden {
             Hidden::CubicSpring { stiffness, .. } => vec![("stiffness", stiffness)],
             Hidden::InputGainError { gain, .. } => vec![("gain", gain)],
             Hidden::InputDelay { delay, .. } => vec![("delay", delay)],
+            Hidden::Backlash {
+                gap,
+                restitution,
+                motor_inertia,
+                ..
+            } => vec![
+                ("gap", gap),
+                ("restitution", restitution),
+                ("motor_inertia", motor_inertia),
+            ],
         }
     }
 
@@ -202,7 +225,7 @@ impl Hidden {
         };
         let on_input = matches!(
             self,
-            Hidden::InputGainError { .. } | Hidden::InputDelay { .. }
+            Hidden::InputGainError { .. } | Hidden::InputDelay { .. } | Hidden::Backlash { .. }
         );
         if on_input != (target == Target::Motor) {
             return refuse(if on_input {
@@ -232,6 +255,14 @@ impl Hidden {
             Hidden::InputDelay { delay, .. } if delay > 10.0 => {
                 refuse(format!("delay is {delay} s: give at most 10 s"))
             }
+            Hidden::Backlash { restitution, .. } if restitution > 1.0 => refuse(format!(
+                "restitution is {restitution}: it must be at most 1"
+            )),
+            Hidden::Backlash {
+                gap, motor_inertia, ..
+            } if gap == 0.0 || motor_inertia == 0.0 => refuse(format!(
+                "gap {gap} m and motor_inertia {motor_inertia} kg must both be above 0"
+            )),
             _ => Ok(()),
         }
     }
@@ -239,6 +270,9 @@ impl Hidden {
 
 /// The number of different (kind, target) pairs that are drawn.
 pub const CASES: usize = 13;
+
+/// Cases that can be asked for: the drawn ones, then backlash.
+pub const CHOICES: usize = 14;
 
 /// Draws an effect: uniform over kinds and targets, sizes uniform in the ranges of the settings, signs by a fair coin. Never
 /// nothing.
@@ -256,11 +290,11 @@ pub fn draw(config: &Config, seed: u64) -> Hidden {
     draw_case(config, case, &mut rng)
 }
 
-/// An effect of the given case, 0 to [`CASES`] − 1 (taken modulo), with sizes drawn as in [`draw`].
+/// An effect of the given case, 0 to [`CHOICES`] − 1 (taken modulo), with sizes drawn as in [`draw`].
 pub fn draw_of(config: &Config, case: usize, seed: u64) -> Hidden {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(super::stream::DRAW);
-    draw_case(config, case % CASES, &mut rng)
+    draw_case(config, case % CHOICES, &mut rng)
 }
 
 fn draw_case(config: &Config, case: usize, rng: &mut ChaCha8Rng) -> Hidden {
@@ -324,9 +358,15 @@ fn draw_case(config: &Config, case: usize, rng: &mut ChaCha8Rng) -> Hidden {
             target: Motor,
             gain: size(ranges.input_gain_error.motor),
         },
-        _ => Hidden::InputDelay {
+        12 => Hidden::InputDelay {
             target: Motor,
             delay: size(ranges.input_delay.motor),
+        },
+        _ => Hidden::Backlash {
+            target: Motor,
+            gap: size(ranges.backlash.motor),
+            restitution: size(ranges.backlash.restitution),
+            motor_inertia: size(ranges.backlash.motor_inertia),
         },
     };
     if rng.random_bool(0.5) {

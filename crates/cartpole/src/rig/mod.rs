@@ -27,7 +27,7 @@ pub mod sensors;
 pub mod truth;
 
 pub use error::Error;
-pub use hidden::{CASES, Hidden, Target, draw, draw_of};
+pub use hidden::{CASES, CHOICES, Hidden, Target, draw, draw_of};
 pub use key::Key;
 pub use known_model::known_model;
 pub use recording::Recording;
@@ -73,7 +73,10 @@ pub fn run_with<P: Plant>(
         rng.set_stream(stream);
         rng
     };
-    let effects = Effects::of(&config.known, hidden)?;
+    let effects = Effects {
+        rail: Some(config.rail),
+        ..Effects::of(&config.known, hidden)?
+    };
     let noise = config.noise();
     let interval = 1.0 / config.rate;
     let mut operator = Operator::new(
@@ -102,13 +105,6 @@ pub fn run_with<P: Plant>(
     for k in 0..rows {
         let state = rig.state();
         let time = k as f64 / config.rate;
-        if state.q[0].abs() > config.rail.limit {
-            return Err(Error::OffTheRail {
-                time,
-                position: state.q[0],
-                limit: config.rail.limit,
-            });
-        }
         let measured = sensors.measure(state.q);
         let velocity = backward_difference(before, measured, interval);
         before = measured;
@@ -128,6 +124,7 @@ pub fn run_with<P: Plant>(
             &mut disturbance,
         )?;
     }
+    recording.blows = rig.blows().to_vec();
     Ok((recording, states))
 }
 
@@ -160,8 +157,8 @@ fn advance<P: Plant>(
     for i in 0..pieces {
         let force = disturbance.next();
         let before_switch = (switch - i as f64 * piece).clamp(0.0, piece);
-        rig.advance(early + force, before_switch)?;
-        rig.advance(late + force, piece - before_switch)?;
+        rig.advance_under([early, force], before_switch)?;
+        rig.advance_under([late, force], piece - before_switch)?;
     }
     Ok(())
 }
