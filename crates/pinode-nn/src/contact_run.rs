@@ -1,8 +1,8 @@
-//! Free runs in which friction sticks: the set-valued laws behind the smoothed ones that fits differentiate.
+//! Free runs in which friction sticks and end stops are hard: the set-valued laws behind the smooth ones that fits differentiate.
 //!
 //! The grid, the inputs and the drives are those of [`free_run`](crate::free_run). Where a joint comes to rest under a force that its
-//! friction holds, it stays there to the last digit, and the instants at which it sticks and breaks away are found to rounding
-//! ([`integrators::event`]).
+//! friction holds, it stays there to the last digit, and the instants at which it sticks, breaks away and strikes a stop are found to
+//! rounding ([`integrators::event`]).
 
 use integrators::event::{ContactError, EventKind, EventRollOut, EventStepper};
 
@@ -19,17 +19,17 @@ pub enum ContactRunError {
     NotFree(#[from] NotFree),
     /// Between this sample and the next.
     #[error(
-        "the motion with contacts stops after t = {time} s: {cause} (laws are numbered from 0: the dry friction of {})",
-        rubbing.join(", ")
+        "the motion with contacts stops after t = {time} s: {cause} (the laws, from 0 on: {})",
+        laws.join(", ")
     )]
     Stopped {
         /// The last sample that was reached, s.
         time: f64,
-        /// What the mechanism or the contacts refuse; it names laws by their place in `rubbing`.
+        /// What the mechanism or the contacts refuse; it names laws by their place in `laws`.
         #[source]
         cause: ContactError<Diverged>,
-        /// The coordinates with dry friction.
-        rubbing: Vec<String>,
+        /// What the laws stand for.
+        laws: Vec<String>,
     },
     /// A joint sticks and slides by turns so often within one step that its motion is not that of the laws any more.
     #[error(
@@ -44,7 +44,7 @@ pub enum ContactRunError {
 }
 
 /// The model from `initial` (q, v) over `count` samples from sample `first` on: one state a sample, and the events between them, which
-/// name laws by their place among [`Hybrid::rubbing`].
+/// name laws by their place among [`HybridContacts::touches`].
 ///
 /// A block of 1 kg on a table with 2 N of Coulomb friction, pushed with 1.8 N: smoothed, it creeps.
 ///
@@ -93,17 +93,31 @@ pub fn roll_contacts(
     (first, count): (usize, usize),
     initial: &[f64],
 ) -> Result<EventRollOut, ContactRunError> {
-    let system = HybridContacts::new(hybrid, theta, inputs)?;
+    roll_system(
+        &HybridContacts::new(hybrid, theta, inputs)?,
+        inputs,
+        (first, count),
+        initial,
+    )
+}
+
+/// [`roll_contacts`] of one with stops of either sort; `inputs` are its own.
+pub(crate) fn roll_system(
+    system: &HybridContacts<'_>,
+    inputs: &DrivenInputs,
+    (first, count): (usize, usize),
+    initial: &[f64],
+) -> Result<EventRollOut, ContactRunError> {
     let substeps = inputs.grid.substeps;
     let bounds = &inputs.grid.bounds;
     let stopped = |sample: usize| {
         move |cause| ContactRunError::Stopped {
             time: bounds.get(sample * substeps).copied().unwrap_or_default(),
             cause,
-            rubbing: system.rubbing().iter().map(|c| c.name.clone()).collect(),
+            laws: system.touches().iter().map(ToString::to_string).collect(),
         }
     };
-    let mut stepper = EventStepper::new(&system, system.laws()).map_err(stopped(first))?;
+    let mut stepper = EventStepper::new(system, system.laws()).map_err(stopped(first))?;
     let mut state = initial.to_vec();
     let mut states = Vec::with_capacity(count);
     states.push(state.clone());
@@ -114,7 +128,7 @@ pub fn roll_contacts(
         for (step, interval) in intervals.take(substeps) {
             let &[from, to] = interval else { continue };
             stepper
-                .advance(&system, (from, to - from, 1), &step, &mut state)
+                .advance(system, (from, to - from, 1), &step, &mut state)
                 .map_err(stopped(sample))?;
             let events = stepper.events().get(seen..).unwrap_or_default();
             if let Some(held) = events.iter().find(|e| e.kind == EventKind::Held) {

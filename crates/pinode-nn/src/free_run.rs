@@ -136,7 +136,8 @@ pub enum Scheme {
     Heun,
     /// Variational, of order 4: the energy of long runs does not drift; not under constraints
     Variational,
-    /// Dry friction that sticks instead of creeping: classical Runge-Kutta from one located event to the next; not under constraints
+    /// Dry friction that sticks instead of creeping, end stops that are hard: classical Runge-Kutta from one located event to the next;
+    /// not under constraints
     Contacts,
 }
 

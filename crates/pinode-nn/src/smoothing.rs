@@ -3,14 +3,14 @@
 //! Fits need forces that have derivatives, and so dry friction is spread over its `smoothing` velocity ε. A joint that its friction
 //! would hold under a force F then creeps with v = ε artanh(F/F_c), and every slide ends and begins with an error of the order of ε. The
 //! same free runs under the set-valued laws ([`contact_run`](crate::contact_run)) say whether that matters: their difference, in units
-//! of the sensor noise.
+//! of the sensor noise. End stops are the same on both sides, compliant: their stiffness is a property of the rig, no smoothing.
 
 use lagrange::Coordinate;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::Error;
-use crate::contact_run::roll_contacts;
+use crate::contact_run::roll_system;
 use crate::diagnose::audit;
 use crate::entries::refuse_poses;
 use crate::evaluate::{Options, starts};
@@ -133,7 +133,9 @@ pub(crate) fn compare(
             |(roller, smoothed), &(window, initial)| {
                 let span = (window.first, window.count);
                 let inputs = inputs.get(window.run)?;
-                let sticking = roll_contacts(hybrid, theta, inputs, span, initial).ok()?;
+                let system = HybridContacts::new(hybrid, theta, inputs).ok()?;
+                let system = system.with_compliant_stops();
+                let sticking = roll_system(&system, inputs, span, initial).ok()?;
                 roller.roll(theta, inputs, span, initial, smoothed).ok()?;
                 Some(differences(hybrid, smoothed, &sticking.states))
             },

@@ -29,6 +29,7 @@ fn with_every_effect() -> Hybrid {
             "linear_spring" => &[2.0, 0.05],
             "cubic_spring" => &[30.0],
             "constant_force" => &[-0.1],
+            "end_stop" => &[-0.04, 0.08, 150.0, 4.0],
             "input_gain_error" => &[0.1],
             "input_delay" => &[0.0312],
             other => panic!("{other} is new: give it parameters here"),

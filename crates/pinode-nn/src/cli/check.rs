@@ -72,6 +72,7 @@ fn parameters<'a>(
         .parameters
         .iter()
         .zip(&effect.values)
+        .filter(|(_, value)| value.is_finite())
         .map(move |(spec, &value)| (spec.name, value, spec.quantity.unit(angular)))
 }
 

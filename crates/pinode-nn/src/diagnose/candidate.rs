@@ -23,6 +23,11 @@ impl Candidate {
             };
             for target in 0..targets {
                 let candidate = Candidate { kind, target };
+                // A way that goes round has no ends.
+                let coordinates = hybrid.mechanics().coordinates();
+                if kind.stop().is_some() && coordinates.get(target).is_some_and(|c| c.wraps) {
+                    continue;
+                }
                 let covered = hybrid.effects().iter().any(|placed| {
                     placed.target == target
                         && (placed.kind == kind || placed.kind.contains.contains(&kind.name))

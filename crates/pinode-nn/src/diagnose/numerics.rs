@@ -8,7 +8,8 @@ use crate::smoothing::{SmoothingError, compare};
 const MOST_WINDOWS: usize = 24;
 
 /// How far smoothing the dry friction of a fitted model moves its roll-outs over windows of the log, from the states that it was fitted
-/// with. `None` without dry friction, and under constraints, for which there are no set-valued laws.
+/// with. `None` without dry friction, and under constraints, for which there are no set-valued laws. End stops give on both sides as
+/// fitted.
 pub fn set_valued(study: &Study, fitted: &Fitted) -> Option<SmoothingError> {
     let (hybrid, theta) = (&fitted.hybrid, &fitted.inside.theta);
     if hybrid.rubbing().is_empty() {

@@ -68,10 +68,15 @@ impl Column {
         let start: Vec<f64> = specs
             .iter()
             .zip(self.neutral.iter().zip(&self.perturbed))
-            .map(|(spec, (n, p))| (n + factor * (p - n)).clamp(spec.lower, spec.upper))
+            .map(|(spec, (n, p))| match n == p {
+                true => *n,
+                false => (n + factor * (p - n)).clamp(spec.lower, spec.upper),
+            })
             .collect();
         let moved = start.iter().zip(&self.neutral).any(|(a, b)| a != b);
-        (moved && start.iter().all(|x| x.is_finite())).then_some(start)
+        let mut entries = start.iter().zip(specs);
+        let is_there = entries.all(|(x, spec)| x.is_finite() || *x == spec.neutral);
+        (moved && is_there).then_some(start)
     }
 }
 

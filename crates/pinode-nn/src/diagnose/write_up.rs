@@ -133,6 +133,7 @@ pub fn effects(search: &Search, inputs: &[String]) -> Vec<NamedEffect> {
             let parameters: BTreeMap<String, ParameterValue> = hybrid
                 .range(index)
                 .zip(candidate.kind.parameters)
+                .filter(|(i, _)| theta[*i].is_finite())
                 .map(|(i, spec)| {
                     let value = ParameterValue {
                         value: theta[i],

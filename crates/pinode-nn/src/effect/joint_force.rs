@@ -13,12 +13,27 @@ pub trait ForceLaw: Send + Sync + 'static {
     fn dry(&self) -> Option<&dyn DryFriction> {
         None
     }
+
+    /// The rigid stops that the force is the compliance of; `None` (the default) for other forces.
+    fn stop(&self) -> Option<&dyn RigidStop> {
+        None
+    }
 }
 
 /// Dry friction before it is smoothed: Q_j = −F₊(v_j) for v_j > 0, F₋(|v_j|) for v_j < 0, and anything in [−F₊(0), F₋(0)] at rest.
 pub trait DryFriction: Send + Sync {
     /// F ≥ 0 against a slide in `direction` with `speed` = |v_j|, N or N·m; smooth in the speed, also a little below 0.
     fn size(&self, direction: Direction, speed: f64, p: &[f64]) -> f64;
+}
+
+/// Stops at the ends of a coordinate's way as hard ones: q_j stays between the two places, and a blow turns the speed v of approach
+/// into e v.
+pub trait RigidStop: Send + Sync {
+    /// The lower and the upper place, m or rad; `None` where there is no stop.
+    fn places(&self, p: &[f64]) -> [Option<f64>; 2];
+
+    /// e in [0, 1] where the coordinate moves with the effective `mass` 1/(M⁻¹)_jj, kg or kg·m².
+    fn restitution(&self, mass: f64, p: &[f64]) -> f64;
 }
 
 /// sgn(v) spread over `smoothing`: tanh(v / smoothing).
@@ -52,6 +67,8 @@ pub trait JointForce: Send + Sync {
     ) -> JointForceDerivatives;
     /// See [`ForceLaw::dry`].
     fn dry(&self) -> Option<&dyn DryFriction>;
+    /// See [`ForceLaw::stop`].
+    fn stop(&self) -> Option<&dyn RigidStop>;
 }
 
 /// Makes a [`JointForce`] of a [`ForceLaw`]: derivatives by dual numbers.
@@ -98,5 +115,9 @@ impl<L: ForceLaw> JointForce for OnCoordinate<L> {
 
     fn dry(&self) -> Option<&dyn DryFriction> {
         self.0.dry()
+    }
+
+    fn stop(&self) -> Option<&dyn RigidStop> {
+        self.0.stop()
     }
 }

@@ -1,6 +1,6 @@
 //! What the rest of the program knows of a kind of effect.
 
-use super::{DriveLaw, DryFriction, JointForce};
+use super::{DriveLaw, DryFriction, JointForce, RigidStop};
 
 /// A kind of effect: its name in model files, its parameters and what it does.
 #[derive(Clone, Copy)]
@@ -67,6 +67,14 @@ impl Kind {
             Action::Drive(_) => None,
         }
     }
+
+    /// The rigid stops behind it, where it is stops that give.
+    pub fn stop(&self) -> Option<&'static dyn RigidStop> {
+        match self.action {
+            Action::Joint(law) => law.stop(),
+            Action::Drive(_) => None,
+        }
+    }
 }
 
 /// Kinds are the same when their names are.
@@ -115,8 +123,16 @@ pub struct ParameterSpec {
     pub lower: f64,
     /// Physical upper bound.
     pub upper: f64,
-    /// The value at which the effect vanishes, or where a fit starts when it never does.
+    /// The value at which the effect vanishes, or where a fit starts when it never does. An infinite one stands for a part of the
+    /// effect that is not there: the parameter may be left out.
     pub neutral: f64,
+}
+
+impl ParameterSpec {
+    /// Whether a model file may leave it out: it is then at its [`neutral`](Self::neutral) value, infinite, and no fit moves it.
+    pub fn may_be_left_out(&self) -> bool {
+        !self.neutral.is_finite()
+    }
 }
 
 /// What a parameter measures.

@@ -4,7 +4,8 @@
 //! Each kind is one file with its formula, its parameters and its derivatives, and one line in [`registry`].
 //!
 //! Two actions exist. A [`JointForce`] is a generalized force on one coordinate, a function of that coordinate's q and v.
-//! Where it is dry friction spread over a smoothing velocity it also has the set-valued law itself, [`DryFriction`].
+//! Where it is dry friction spread over a smoothing velocity it also has the set-valued law itself, [`DryFriction`];
+//! an end stop has the hard one that it is the compliance of, [`RigidStop`].
 //! A [`DriveLaw`] changes an input on its way to the joint: a causal pass over the whole input signal.
 
 mod drive;
@@ -16,6 +17,7 @@ mod asymmetric_coulomb_friction;
 mod constant_force;
 mod coulomb_friction;
 mod cubic_spring;
+mod end_stop;
 mod input_delay;
 mod input_gain_error;
 mod linear_spring;
@@ -25,7 +27,7 @@ mod viscous_friction;
 
 pub use drive::{DriveLaw, Grid, Signal};
 pub use joint_force::{
-    DryFriction, ForceLaw, JointForce, JointForceDerivatives, OnCoordinate, smooth_sign,
+    DryFriction, ForceLaw, JointForce, JointForceDerivatives, OnCoordinate, RigidStop, smooth_sign,
 };
 pub use kind::{Action, Family, Kind, ParameterSpec, Probe, Quantity, Scales};
 

@@ -12,6 +12,7 @@ pub static ALL: &[&Kind] = &[
     &super::linear_spring::KIND,
     &super::cubic_spring::KIND,
     &super::constant_force::KIND,
+    &super::end_stop::KIND,
     &super::input_gain_error::KIND,
     &super::input_delay::KIND,
 ];

@@ -1,3 +1,4 @@
+use std::fmt;
 use std::sync::Arc;
 
 use integrators::event::{At, ContactSystem, Direction, Friction, Law};
@@ -10,12 +11,16 @@ use crate::motion::{NotFree, Positions, check_free};
 use crate::shooting::Diverged;
 
 /// The hybrid model at one θ under the inputs of one recording with its dry friction as what it is, a set of forces at rest, and no
-/// function of the velocity that `smoothing` makes of it:
+/// function of the velocity that `smoothing` makes of it, and with end stops that are hard:
 ///
-/// M(q) v̇ = f + Σ_j e_j λ_j, f = Σ_i B_i g_i ū_i + Σ_e Q_e(q, v; p_e) − C(q, v) v − G(q)
+/// M(q) v̇ = f + Σ_j w_j λ_j, f = Σ_i B_i g_i ū_i + Σ_e Q_e(q, v; p_e) − C(q, v) v − G(q)
 ///
 /// The sum over e has the effects that are smooth by themselves; λ_j are the [`laws`](Self::laws). The input is the number of an
 /// integration step in [`DrivenInputs::grid`], as in [`HybridMotion`](super::HybridMotion).
+///
+/// A hard stop is the limit of the compliant one for k → ∞: a blow takes no time, and turns the speed v of approach into e v with the e
+/// of the compliant blow ([`RigidStop::restitution`](crate::effect::RigidStop::restitution) of the mass 1/(M⁻¹)_jj where it happens).
+/// [`with_compliant_stops`](Self::with_compliant_stops) leaves them among the Q_e.
 ///
 /// For free mechanisms, with bodies that float or without. Under constraints Jᵀλ and dry friction would depend on each other through
 /// equations that these laws do not have.
@@ -24,6 +29,29 @@ pub struct HybridContacts<'a> {
     hybrid: &'a Hybrid,
     theta: &'a [f64],
     inputs: &'a DrivenInputs,
+    hard: bool,
+}
+
+/// What a law of contact stands for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Touch<'a> {
+    /// Dry friction on this coordinate.
+    Friction(&'a Coordinate),
+    /// The stop at the lower end of its way.
+    LowerStop(&'a Coordinate),
+    /// The stop at the upper end of its way.
+    UpperStop(&'a Coordinate),
+}
+
+impl fmt::Display for Touch<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (what, coordinate) = match self {
+            Touch::Friction(c) => ("dry friction", c),
+            Touch::LowerStop(c) => ("lower end stop", c),
+            Touch::UpperStop(c) => ("upper end stop", c),
+        };
+        write!(f, "{what} of `{}`", coordinate.name)
+    }
 }
 
 impl<'a> HybridContacts<'a> {
@@ -41,11 +69,67 @@ impl<'a> HybridContacts<'a> {
             hybrid,
             theta,
             inputs,
+            hard: true,
         })
     }
 
-    /// One law for each of the [`rubbing`](Self::rubbing) coordinates, in their order; the dry effects on one coordinate add.
+    /// With end stops that give as in fits: only friction is another one than theirs.
+    #[must_use]
+    pub fn with_compliant_stops(self) -> Self {
+        HybridContacts {
+            hard: false,
+            ..self
+        }
+    }
+
+    /// The laws: one for each coordinate with dry friction, in their order, on which the dry effects add; then the hard stops.
+    /// [`touches`](Self::touches) says which is which.
     pub fn laws(&self) -> Vec<Law> {
+        let stops = self.stops().into_iter().map(|(_, law)| law);
+        self.frictions().into_iter().chain(stops).collect()
+    }
+
+    /// What each of the [`laws`](Self::laws) stands for.
+    pub fn touches(&self) -> Vec<Touch<'a>> {
+        let rubbing = self.rubbing().into_iter().map(Touch::Friction);
+        let stops = self.stops().into_iter().map(|(touch, _)| touch);
+        rubbing.chain(stops).collect()
+    }
+
+    /// The stops of each end stop, the lower before the upper.
+    fn stops(&self) -> Vec<(Touch<'a>, Law)> {
+        let hybrid = self.hybrid;
+        let mut stops = Vec::new();
+        if !self.hard {
+            return stops;
+        }
+        for (index, effect) in hybrid.effects.iter().enumerate() {
+            let Some(stop) = effect.kind.stop() else {
+                continue;
+            };
+            let coordinate = &hybrid.mechanics().coordinates()[effect.target];
+            let start = hybrid.starts[effect.target];
+            let p: Arc<[f64]> = Arc::from(&self.theta[hybrid.range(index)]);
+            // The gaps q − q₋ and q₊ − q.
+            let [lower, upper] = stop.places(&p);
+            for (touch, sign, place) in [
+                (Touch::LowerStop(coordinate), 1.0, lower),
+                (Touch::UpperStop(coordinate), -1.0, upper),
+            ] {
+                let Some(place) = place else { continue };
+                let (mut row, mut direction) = (vec![0.0; hybrid.nq()], vec![0.0; hybrid.nv()]);
+                row[start.q] = sign;
+                direction[start.v] = sign;
+                let p = Arc::clone(&p);
+                let law = Law::stop_of_gap(&row, &direction, -sign * place, 0.0)
+                    .with_restitution(move |strike| stop.restitution(strike.mass, &p));
+                stops.push((touch, law));
+            }
+        }
+        stops
+    }
+
+    fn frictions(&self) -> Vec<Law> {
         let hybrid = self.hybrid;
         let on = |c: usize| {
             let own = hybrid.dry().filter(move |(target, ..)| *target == c);
@@ -102,10 +186,6 @@ impl Friction for Sum {
     }
 }
 
-fn is_smooth(law: &dyn JointForce) -> bool {
-    law.dry().is_none()
-}
-
 impl ContactSystem for HybridContacts<'_> {
     type Positions = Positions;
     type Input = usize;
@@ -130,6 +210,8 @@ impl ContactSystem for HybridContacts<'_> {
         force: &mut [f64],
     ) -> Result<(), Diverged> {
         let (hybrid, (q, v)) = (self.hybrid, state);
+        let is_smooth =
+            |law: &dyn JointForce| law.dry().is_none() && !(self.hard && law.stop().is_some());
         hybrid.load_where(is_smooth, state, self.theta, self.inputs, *step, memory);
         let p = &self.theta[hybrid.mechanics_range()];
         let Memory {

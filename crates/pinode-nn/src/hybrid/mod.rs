@@ -22,7 +22,7 @@ use crate::entries::{Start, starts};
 use crate::model::{Model, Target};
 use crate::motion::Positions;
 
-pub use contacts::HybridContacts;
+pub use contacts::{HybridContacts, Touch};
 pub use dynamics::Memory;
 pub use jumps::HeldInputs;
 pub use motion::HybridMotion;
@@ -183,7 +183,12 @@ impl Hybrid {
                 value,
                 lower: spec.lower,
                 upper: spec.upper,
-                tolerance: if fixed { 0.0 } else { f64::INFINITY },
+                // What is left out does not come into being by a fit.
+                tolerance: if fixed || !value.is_finite() {
+                    0.0
+                } else {
+                    f64::INFINITY
+                },
             });
         }
         self.effects.push(effect);

@@ -5,7 +5,7 @@ use lagrange::{Mechanics, Position, Problem};
 use super::document::{Faults, Section};
 use super::mechanism::{JointFriction, Mechanism, find_coordinate};
 use super::{EffectEntry, Input, Target};
-use crate::effect::{Action, Kind, registry};
+use crate::effect::{Action, Kind, RigidStop, registry};
 use crate::naming::{hint, nearest, quoted};
 
 /// Kinds of the file format that this version cannot compute.
@@ -15,7 +15,6 @@ const RESERVED: &[&str] = &[
     "position_dependent_friction",
     "gravity_tilt",
     "periodic_force",
-    "end_stop",
     "input_offset",
     "actuator_lag",
     "input_dead_zone",
@@ -126,7 +125,14 @@ fn read_one(
         let list: Vec<String> = kind
             .parameters
             .iter()
-            .map(|p| format!("{} ({})", p.name, p.quantity.unit(angular)))
+            .map(|p| {
+                let optional = if p.may_be_left_out() {
+                    ", optional"
+                } else {
+                    ""
+                };
+                format!("{} ({}{optional})", p.name, p.quantity.unit(angular))
+            })
             .collect();
         list.join(", ")
     };
@@ -140,6 +146,10 @@ fn read_one(
             (false, false) => "finite".to_owned(),
         };
         if table.get(spec.name).is_none() {
+            if spec.may_be_left_out() {
+                values.push(spec.neutral);
+                continue;
+            }
             faults.at(
                 table.offset,
                 format!(
@@ -163,6 +173,13 @@ fn read_one(
     if values.len() != kind.parameters.len() {
         return None;
     }
+    if let (Some(stop), Some(Target::Coordinate(c))) = (kind.stop(), target) {
+        let wraps =
+            mechanism.is_some_and(|m| m.mechanics.coordinates().get(c).is_some_and(|c| c.wraps));
+        if let Some(fault) = stop_fault(stop, &values, wraps) {
+            faults.at(table.offset, format!("{} {fault}", kind.name));
+        }
+    }
     Some(EffectEntry {
         kind,
         target: target?,
@@ -170,6 +187,24 @@ fn read_one(
         smoothing,
         fixed,
     })
+}
+
+/// What no stops can be.
+fn stop_fault(stop: &dyn RigidStop, values: &[f64], wraps: bool) -> Option<String> {
+    if wraps {
+        return Some(
+            "sits on an angle that goes round and has no ends: make the joint `revolute`, or leave it out of `angles`".to_owned(),
+        );
+    }
+    match stop.places(values) {
+        [Some(lower), Some(upper)] if lower >= upper => Some(format!(
+            "has its lower end at {lower} and its upper at {upper}: give lower < upper"
+        )),
+        _ if !values.iter().take(2).any(|place| place.is_finite()) => {
+            Some("has no place: give `lower`, `upper` or both".to_owned())
+        }
+        _ => None,
+    }
 }
 
 fn read_kind(table: &Section, faults: &mut Faults) -> Option<&'static Kind> {

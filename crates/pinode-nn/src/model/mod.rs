@@ -56,7 +56,8 @@
 //! ```
 //!
 //! With a URDF, its `<dynamics damping friction>` become `viscous_friction` and `coulomb_friction` unless `urdf_dynamics = false`
-//! or an `[[effect]]` of the same kind sits on the same joint.
+//! or an `[[effect]]` of the same kind sits on the same joint. Its `<limit>`s do not become stops: a rail that ends has an `[[effect]]`
+//! of the kind `end_stop` with `stiffness` and `damping`, and `lower`, `upper` or both; a side that is left out is open.
 //!
 //! `joint`, `[sensor.…]`, `zero` and the columns of a log name coordinates: a joint with one coordinate gives it its name, a planar
 //! joint has three (`foot.x`, `foot.y`, `foot.theta`; in TOML `[sensor."foot.x"]`). The pose of a floating body cannot be named there:

@@ -8,6 +8,7 @@ use toml_edit::{ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike,
 use super::{EffectEntry, Model, Target};
 use crate::Error;
 use crate::disk::write_atomically;
+use crate::effect::ParameterSpec;
 
 /// New numbers and effects for a [`Model`].
 #[derive(Debug, Clone, PartialEq)]
@@ -105,7 +106,11 @@ impl Model {
                 });
             }
         }
-        let effects = revision.effects.iter().flat_map(|(e, _)| &e.values);
+        let given = |(spec, x): &(&ParameterSpec, &f64)| **x != spec.neutral;
+        let effects = revision.effects.iter().flat_map(|(e, _)| {
+            let numbers = e.kind.parameters.iter().zip(&e.values);
+            numbers.filter(given).map(|(_, x)| x)
+        });
         let mut numbers = revision
             .parameter_values
             .iter()
@@ -263,7 +268,8 @@ fn fill(table: &mut Table, entry: &EffectEntry) {
         }
     };
     for (spec, &value) in entry.kind.parameters.iter().zip(&entry.values) {
-        put(spec.name, Some(value));
+        let left_out = spec.may_be_left_out() && value == spec.neutral;
+        put(spec.name, (!left_out).then_some(value));
     }
     put("smoothing", entry.smoothing);
     let fixed = table.get("fixed").and_then(Item::as_bool).unwrap_or(false);
