@@ -577,6 +577,12 @@ fn a_body_that_spins_on_the_sphere_of_its_poses_stops_when_coulomb_says() {
     let spinning = Spinning { space: Rotation };
     let law = Law::friction(&[0.0, 0.0, 1.0], Coulomb::new(0.2));
     let start = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 3.0];
+    let long = [2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 3.0];
+    let refused = refusal(&spinning, vec![], &long);
+    assert!(
+        matches!(refused, ContactError::OffSpace { distance: 1.0, .. }),
+        "{refused}"
+    );
     let rolled = motion(&spinning, vec![law], (10.0, 1, 100), &start);
     assert_abs_diff_eq!(rolled.events[0].time, 0.5 * 3.0 / 0.2, epsilon = 1e-12);
     let end = &rolled.states[1];

@@ -9,8 +9,8 @@ use integrators::problems::{
     DoublePendulum, HarmonicOscillator, HeavyTop, Kepler, Pendulum, Problem, RigidBody,
 };
 use integrators::{
-    Heun, Mechanical, Method, Order, Rk4, Space, StepError, StormerVerlet, SymplecticEuler,
-    Variational,
+    Heun, Mechanical, Method, Order, Rk4, RollOutError, Space, StepError, StormerVerlet,
+    SymplecticEuler, Variational, roll_out,
 };
 
 const PENDULUM: Pendulum = Pendulum {
@@ -298,6 +298,28 @@ fn turning_bodies_keep_the_momenta_of_their_symmetries() {
     });
     eprintln!("heavy top, RK4: {lost:e}");
     assert!(lost > 1e-10, "{lost}");
+}
+
+/// Six digits make a quaternion; one of another length is no orientation, and its motion would be none.
+#[test]
+fn a_quaternion_of_another_length_is_no_start() {
+    let top = HeavyTop::default();
+    let rolled = |factor: f64| {
+        let mut x = top.initial();
+        x.iter_mut().take(4).for_each(|x| *x *= factor);
+        roll_out(&top, Rk4::default(), &[0.0, 0.01], &[()], 1, &x)
+    };
+    assert!(rolled(1.0).is_ok() && rolled(-1.0).is_ok() && rolled(1.0 + 5e-7).is_ok());
+    for factor in [0.0, 0.5, 1.01] {
+        let Err(RollOutError::OffSpace { distance }) = rolled(factor) else {
+            panic!("{factor}")
+        };
+        assert!((distance - (factor - 1.0).abs()).abs() < 1e-12);
+    }
+    assert!(matches!(
+        rolled(f64::NAN),
+        Err(RollOutError::NotFinite { component: 0, .. })
+    ));
 }
 
 #[test]

@@ -6,6 +6,7 @@
 
 use integrators::event::{ContactError, EventKind, EventRollOut, EventStepper};
 
+use crate::free_run::NoSuchSpan;
 use crate::hybrid::{DrivenInputs, Hybrid, HybridContacts};
 use crate::motion::NotFree;
 use crate::shooting::Diverged;
@@ -17,6 +18,9 @@ pub enum ContactRunError {
     /// The mechanism is not one that these laws are for.
     #[error("{0}")]
     NotFree(#[from] NotFree),
+    /// The recording does not have these samples.
+    #[error("{0}")]
+    Span(#[from] NoSuchSpan),
     /// Between this sample and the next.
     #[error(
         "the motion with contacts stops after t = {time} s: {cause} (the laws, from 0 on: {})",
@@ -79,7 +83,7 @@ pub enum ContactRunError {
 /// // v = ε artanh(1.8/2), ε = 3 mm/s
 /// let run = FreeRun::new(&hybrid, &t, &[vec![1.8; 101]], 1e-3);
 /// let mut smoothed = Trajectory::default();
-/// assert!(run.roll(&mut run.roller(), (0, 101), &[0.0, 0.0], &mut smoothed));
+/// run.roll(&mut run.roller(), (0, 101), &[0.0, 0.0], &mut smoothed)?;
 /// assert!((smoothed.states[201] - 3e-3 * 0.9_f64.atanh()).abs() < 1e-6);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -108,6 +112,7 @@ pub(crate) fn roll_system(
     (first, count): (usize, usize),
     initial: &[f64],
 ) -> Result<EventRollOut, ContactRunError> {
+    NoSuchSpan::check(inputs, (first, count))?;
     let substeps = inputs.grid.substeps;
     let bounds = &inputs.grid.bounds;
     let stopped = |sample: usize| {

@@ -120,7 +120,8 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
             let mut roller = free_run.roller();
             free_run
                 .roll(&mut roller, (first, count), initial.get(first)?, trajectory)
-                .then(|| window_sums(model, runs[run], first, &trajectory.states, &channels))
+                .ok()
+                .map(|()| window_sums(model, runs[run], first, &trajectory.states, &channels))
         })
         .collect();
     let diverged = sums.iter().filter(|window| window.is_none()).count();

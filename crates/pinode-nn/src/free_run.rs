@@ -87,6 +87,50 @@ pub fn substeps(t: &[f64], longest: f64) -> usize {
     ((interval / longest).ceil() as usize).clamp(1, 1000)
 }
 
+/// A span of samples that a recording does not have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "{count} samples from sample {first} on are asked for, of a recording with {samples}: ask for at least 1, and for none beyond the last"
+)]
+pub struct NoSuchSpan {
+    /// Where it would begin.
+    pub first: usize,
+    /// Its samples.
+    pub count: usize,
+    /// The samples of the recording.
+    pub samples: usize,
+}
+
+impl NoSuchSpan {
+    /// Whether `inputs` have these samples.
+    pub(crate) fn check(
+        inputs: &DrivenInputs,
+        (first, count): (usize, usize),
+    ) -> Result<(), NoSuchSpan> {
+        let samples = inputs.grid.steps() / inputs.grid.substeps.max(1) + 1;
+        match first.checked_add(count) {
+            Some(end) if count > 0 && end <= samples => Ok(()),
+            _ => Err(NoSuchSpan {
+                first,
+                count,
+                samples,
+            }),
+        }
+    }
+}
+
+/// Why a free run does not get to its end.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FreeRunError {
+    /// The recording does not have its samples.
+    #[error(transparent)]
+    Span(#[from] NoSuchSpan),
+    /// The motion ends before.
+    #[error(transparent)]
+    Diverged(#[from] Diverged),
+}
+
 /// The model over one recording.
 pub struct FreeRun<'a> {
     hybrid: &'a Hybrid,
@@ -112,16 +156,19 @@ impl<'a> FreeRun<'a> {
     }
 
     /// States (q, v), one after the other, at `count` samples from `first` on; as many as stayed finite.
+    ///
+    /// # Errors
+    /// [`FreeRunError`].
     pub fn roll(
         &self,
         roller: &mut Roller,
         (first, count): (usize, usize),
         initial: &[f64],
         out: &mut Trajectory,
-    ) -> bool {
-        roller
-            .roll(&self.theta, &self.inputs, (first, count), initial, out)
-            .is_ok()
+    ) -> Result<(), FreeRunError> {
+        NoSuchSpan::check(&self.inputs, (first, count))?;
+        roller.roll(&self.theta, &self.inputs, (first, count), initial, out)?;
+        Ok(())
     }
 }
 

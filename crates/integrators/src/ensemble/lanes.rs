@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 use rayon::prelude::*;
 
 use super::RolledOut;
-use crate::fixed::{check_arguments, check_finite};
+use crate::fixed::{check_arguments, check_finite, check_initial};
 use crate::gradient::Explicit;
 use crate::{RollOutError, Space, StepError, System};
 
@@ -145,10 +145,7 @@ where
         let dim = system.space().dim();
         let start = |member: &LaneMember<'_, S::Input>| {
             check_arguments(times, member.inputs.len(), substeps)?;
-            let (found, expected) = (member.initial.len(), dim);
-            if found != expected {
-                return Err(RollOutError::Initial { found, expected });
-            }
+            check_initial(system.space(), member.initial)?;
             let Some(&start) = times.first() else {
                 return Ok(Vec::new());
             };

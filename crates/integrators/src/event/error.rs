@@ -20,6 +20,16 @@ pub enum ContactError<E> {
         /// nq + nv.
         expected: usize,
     },
+    /// A start that is no point of the mechanism's space.
+    #[error(
+        "the positions at t = {time} s are {distance:e} away from the space of positions: give quaternions of length 1"
+    )]
+    OffSpace {
+        /// s.
+        time: f64,
+        /// See [`Space::distance`](crate::Space::distance).
+        distance: f64,
+    },
     /// A length of time or a number of steps that cannot be stepped.
     #[error(
         "{duration} s in {steps} steps: give a finite time of at least 0 s and at least 1 step"

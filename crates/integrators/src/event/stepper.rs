@@ -8,6 +8,7 @@ use super::mode::Mode;
 use super::motion::{Contact, Work, levels};
 use super::root::last_bracket;
 use super::{ContactSystem, Event, EventKind, Law};
+use crate::fixed::OFF_SPACE;
 use crate::{Rk4, Space};
 
 /// Where impacts end and when contacts are held.
@@ -171,6 +172,10 @@ impl<S: ContactSystem> EventStepper<S> {
         check_length(system, x)?;
         check_finite(time, x)?;
         let (q, _) = x.split_at_mut(system.positions().dim());
+        let distance = system.positions().distance(q);
+        if distance > OFF_SPACE {
+            return Err(ContactError::OffSpace { time, distance });
+        }
         for (law, stop) in self.laws.iter().enumerate() {
             let (gap, rounding) = stop.gap(q);
             if gap < -rounding.max(self.limits.least_depth) {

@@ -12,7 +12,7 @@ mod variational;
 pub use heun::Heun;
 pub use method::{Method, StepError};
 pub use rk4::Rk4;
+pub(crate) use roll_out::{OFF_SPACE, check_arguments, check_finite, check_initial};
 pub use roll_out::{RollOutError, roll_out};
-pub(crate) use roll_out::{check_arguments, check_finite};
 pub use separable::{NotSeparable, StormerVerlet, SymplecticEuler};
 pub use variational::{Order, Variational};

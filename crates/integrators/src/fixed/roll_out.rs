@@ -52,6 +52,14 @@ pub enum RollOutError<E> {
         /// The entries of a state.
         expected: usize,
     },
+    /// The initial state is no point of the system's space.
+    #[error(
+        "the initial state is {distance:e} away from the space of the states: give quaternions of length 1"
+    )]
+    OffSpace {
+        /// See [`Space::distance`].
+        distance: f64,
+    },
     /// A step failed.
     #[error("the step that begins at t = {time} s failed")]
     Step {
@@ -98,10 +106,7 @@ where
     S::Input: Sized,
 {
     check_arguments(times, inputs.len(), substeps)?;
-    let (found, expected) = (initial.len(), system.space().dim());
-    if found != expected {
-        return Err(RollOutError::Initial { found, expected });
-    }
+    check_initial(system.space(), initial)?;
     let Some(&start) = times.first() else {
         return Ok(Vec::new());
     };
@@ -149,6 +154,22 @@ pub(crate) fn check_arguments<E>(
             });
         }
         previous = time;
+    }
+    Ok(())
+}
+
+/// A quaternion written with six digits is one.
+pub(crate) const OFF_SPACE: f64 = 1e-6;
+
+/// Refuses an initial state of the wrong length, and one that is not in the space. What is no number is for [`check_finite`].
+pub(crate) fn check_initial<E>(space: &impl Space, initial: &[f64]) -> Result<(), RollOutError<E>> {
+    let (found, expected) = (initial.len(), space.dim());
+    if found != expected {
+        return Err(RollOutError::Initial { found, expected });
+    }
+    let distance = space.distance(initial);
+    if distance > OFF_SPACE {
+        return Err(RollOutError::OffSpace { distance });
     }
     Ok(())
 }

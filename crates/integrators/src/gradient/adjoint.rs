@@ -6,7 +6,7 @@ use super::checkpoint::{Plan, split};
 use super::record::{Recorded, Tape, numbers_per_step};
 use super::reverse::Reverse;
 use super::{Explicit, GradientError, Schedule};
-use crate::fixed::{check_arguments, check_finite};
+use crate::fixed::{check_arguments, check_finite, check_initial};
 use crate::{Differentiable, RollOutError, Space, StepError, System};
 
 /// Derivatives of a loss in the initial state, the constants and every held input of a roll-out.
@@ -148,10 +148,7 @@ where
         out: &mut RollOutGradient,
     ) -> Result<f64, GradientError<S::Error>> {
         check_arguments(schedule.times, schedule.inputs.len(), schedule.substeps)?;
-        let (found, expected) = (initial.len(), system.space().dim());
-        if found != expected {
-            return Err(RollOutError::Initial { found, expected }.into());
-        }
+        check_initial(system.space(), initial)?;
         if !self.fits(system) {
             *self = Self {
                 budget: self.budget,

@@ -6,7 +6,7 @@ use super::record::{Linearized, Stages};
 use super::reverse::charts;
 use super::schedule::Step;
 use super::{Column, Explicit, GradientError, Schedule};
-use crate::fixed::{check_arguments, check_finite};
+use crate::fixed::{check_arguments, check_finite, check_initial};
 use crate::space::series::{Work, chart_rate, chart_rate_change, displaced};
 use crate::{Differentiable, Jacobian, RollOutError, Space, System};
 
@@ -115,10 +115,7 @@ where
         mut at_sample: impl FnMut(usize, &[f64], &DMatrix<f64>),
     ) -> Result<(), GradientError<S::Error>> {
         check_arguments(schedule.times, schedule.inputs.len(), schedule.substeps)?;
-        let (found, expected) = (initial.len(), system.space().dim());
-        if found != expected {
-            return Err(RollOutError::Initial { found, expected }.into());
-        }
+        check_initial(system.space(), initial)?;
         let Some(&start) = schedule.times.first() else {
             return Ok(());
         };

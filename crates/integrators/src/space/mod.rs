@@ -36,6 +36,12 @@ pub trait Space: Send + Sync {
     /// ad_aᵀ m for a covector m: m · [a, b] = (ad_aᵀ m) · b for every b.
     fn cobracket_into(&self, a: &[f64], m: &[f64], out: &mut [f64]);
 
+    /// How far `point` is from the space: by how much the length of a quaternion differs from 1; 0 where every point is in it, as by
+    /// default.
+    fn distance(&self, _point: &[f64]) -> f64 {
+        0.0
+    }
+
     /// What a relative tolerance for each direction of motion is relative to: the number itself where states add, 1 for a turn.
     fn scale_into(&self, point: &[f64], out: &mut [f64]) {
         if self.is_flat() {
@@ -67,6 +73,9 @@ impl<S: Space> Space for &S {
     }
     fn cobracket_into(&self, a: &[f64], m: &[f64], out: &mut [f64]) {
         (**self).cobracket_into(a, m, out);
+    }
+    fn distance(&self, point: &[f64]) -> f64 {
+        (**self).distance(point)
     }
 }
 

@@ -55,6 +55,10 @@ impl<P: Space> Space for PhaseSpace<P> {
             .cobracket_into(self.halves(a).0, self.halves(m).0, dq);
         dv.fill(0.0);
     }
+    fn distance(&self, point: &[f64]) -> f64 {
+        let (q, _) = point.split_at(self.positions.dim());
+        self.positions.distance(q)
+    }
     fn scale_into(&self, point: &[f64], out: &mut [f64]) {
         let (q, v) = point.split_at(self.positions.dim());
         let (dq, dv) = out.split_at_mut(self.positions.tangent_dim());

@@ -101,6 +101,9 @@ impl Space for Rotation {
         // m · (a × b) = (m × a) · b
         cross(m, a, out);
     }
+    fn distance(&self, point: &[f64]) -> f64 {
+        (point.iter().map(|x| x * x).sum::<f64>().sqrt() - 1.0).abs()
+    }
 }
 
 #[cfg(test)]

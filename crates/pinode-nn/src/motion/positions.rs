@@ -125,6 +125,14 @@ impl Space for Positions {
         }
         out[at.v..].copy_from_slice(&point[at.q..]);
     }
+    fn distance(&self, point: &[f64]) -> f64 {
+        let length = |pose: Start| {
+            let quaternion = point.get(pose.q + 3..pose.q + POSE).unwrap_or_default();
+            quaternion.iter().map(|x| x * x).sum::<f64>().sqrt()
+        };
+        let off = self.poses().map(|pose| (length(pose) - 1.0).abs());
+        off.fold(0.0, f64::max)
+    }
 }
 
 fn add(x: &[f64], y: &[f64], out: &mut [f64]) {
