@@ -5,8 +5,8 @@
 //! of the variational method (momentum, force and velocity). The error is the largest component of the motion from the exact state.
 //!
 //! With `-- FILE`, the lines that `cargo bench -p integrators --features adaptive --bench adaptive_work_precision -- --json FILE` writes
-//! become `docs/work_precision_adaptive.svg` instead (six of its problems stand there now): the error at the end against evaluations, where a Jacobian of n directions counts as
-//! 1 + n/2 of them.
+//! become `docs/work_precision_adaptive.svg` instead (six of its problems stand there now): the largest error at fifty times against evaluations, where a
+//! Jacobian of n directions counts as 1 + n/2 of them and a factorisation as n/3.
 
 mod figure;
 

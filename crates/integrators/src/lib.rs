@@ -28,8 +28,8 @@
 //!
 #![doc = include_str!("../docs/work_precision_fixed.svg")]
 //!
-//! The same for the adaptive methods (feature `adaptive`), where a Jacobian of n directions counts 1 + n/2 evaluations; the work of all
-//! problems, and time, are in BENCHMARKS.md:
+//! The largest error at fifty times for the adaptive methods (feature `adaptive`), where a Jacobian of n directions counts 1 + n/2 evaluations
+//! and a factorisation n/3; the work of all problems, and time, are in BENCHMARKS.md:
 //!
 #![doc = include_str!("../docs/work_precision_adaptive.svg")]
 

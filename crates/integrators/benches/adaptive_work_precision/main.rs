@@ -34,6 +34,15 @@ const STEPS: usize = 60_000;
 /// Times at which errors are taken.
 const SAMPLES: usize = 50;
 
+/// Tolerances are 10^(−k/2) from this k on.
+const COARSEST: usize = 6;
+
+/// To this one.
+const FINEST: usize = 18;
+
+/// Half powers over which errors are averaged, to either side.
+const NEIGHBOURS: usize = 2;
+
 /// Errors beyond which there is no solution.
 const LARGEST: f64 = 0.1;
 
@@ -196,8 +205,14 @@ impl Bench {
         println!("\n{name}");
         for method in METHODS {
             let mut curve = Vec::new();
-            for half in 6..=18 {
-                let tolerance = 10_f64.powf(-f64::from(half) / 2.0);
+            // The others go on to where their errors are as small as those of Automatic, whose implicit steps are at a tenth.
+            let finest = if method == Method::Automatic {
+                FINEST + NEIGHBOURS
+            } else {
+                FINEST + 2 * NEIGHBOURS
+            };
+            for half in COARSEST..=finest {
+                let tolerance = 10_f64.powf(-0.5 * half as f64);
                 let settings = Settings::new(method, tolerance, 1.0)
                     .with_absolute(&scaled(case.sizes, tolerance))
                     .with_max_steps(STEPS);
@@ -305,11 +320,11 @@ fn summary(ratios: &[f64]) -> [f64; 2] {
     [f64::exp(sum / ratios.len() as f64), worst]
 }
 
-/// The runs with their errors averaged over two neighbours on either side.
+/// The runs with their errors averaged over neighbours on either side.
 fn typical(curve: &[Run]) -> Vec<Run> {
     let mut typical = curve.to_vec();
     for (k, run) in typical.iter_mut().enumerate() {
-        let near = &curve[k.saturating_sub(2)..(k + 3).min(curve.len())];
+        let near = &curve[k.saturating_sub(NEIGHBOURS)..(k + NEIGHBOURS + 1).min(curve.len())];
         let sum: f64 = near.iter().map(|run| run.error.ln()).sum();
         run.error = (sum / near.len() as f64).exp();
     }
@@ -320,7 +335,8 @@ fn typical(curve: &[Run]) -> Vec<Run> {
 fn ratios(curves: &[Vec<Run>], cost: impl Fn(&Run) -> f64) -> Vec<f64> {
     let mut ratios = Vec::new();
     let curves: Vec<Vec<Run>> = curves.iter().map(|curve| typical(curve)).collect();
-    for run in curves[4].iter().filter(|run| run.error < LARGEST) {
+    let counted = curves[4].iter().take(1 + FINEST - COARSEST);
+    for run in counted.filter(|run| run.error < LARGEST) {
         let better = [&curves[0], &curves[3]]
             .into_iter()
             .map(|curve| at_error(curve, run.error, &cost))
