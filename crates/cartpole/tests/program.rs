@@ -4,9 +4,12 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use cartpole::rig::Key;
+use cartpole::config::Config;
+use cartpole::rig::{Key, draw, draw_any};
 use pinode_nn::log::Log;
 use pinode_nn::model::Model;
+
+const MODELS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/cartpole");
 
 /// Runs `cartpole` in `dir`, where no `models/cartpole` is.
 fn cartpole(dir: &Path, arguments: &[&str]) -> Output {
@@ -73,6 +76,39 @@ fn the_hidden_effect_can_be_chosen() {
         hidden(&["--effect", "viscous_friction", "--seed", "1"]).0,
         "viscous_friction"
     );
+    for kind in [
+        "asymmetric_viscous_friction",
+        "position_dependent_friction",
+        "load_dependent_friction",
+        "periodic_force",
+        "input_offset",
+        "actuator_lag",
+        "input_dead_zone",
+        "input_saturation",
+        "elastic_transmission",
+        "sensor_offset",
+        "sensor_scale",
+        "sensor_delay",
+        "dahl_friction",
+        "lugre_friction",
+        "hysteresis",
+    ] {
+        assert_eq!(hidden(&["--effect", kind]).0, kind);
+    }
+    // `medium` and `realistic` are one; the wider draw knows more than the other.
+    for noise in ["medium", "realistic", "high"] {
+        assert_eq!(hidden(&["--nothing", "--noise", noise]).0, "nothing");
+    }
+    let drawn = |from| {
+        let kind = |seed: usize| hidden(&["--from", from, "--seed", &seed.to_string()]).0;
+        (0..8).map(kind).collect::<Vec<_>>()
+    };
+    let (basic, all) = (drawn("basic"), drawn("all"));
+    let config = Config::read(&Path::new(MODELS).join("rig.toml")).unwrap();
+    for seed in 0..8 {
+        assert_eq!(basic[seed as usize], draw(&config, seed).kind());
+        assert_eq!(all[seed as usize], draw_any(&config, seed).kind());
+    }
 }
 
 #[test]
@@ -84,6 +120,8 @@ fn wrong_usage_ends_with_2_and_failed_work_with_1() {
         &["--duration", "0"],
         &["--noise", "none"],
         &["--nothing", "--effect", "input_delay"],
+        &["--from", "all", "--effect", "input_delay"],
+        &["--from", "everywhere"],
         &["rig", "--effect", "viscous_friction@motor"],
     ] {
         let output = cartpole(dir.path(), usage);

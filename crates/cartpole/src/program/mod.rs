@@ -62,6 +62,9 @@ struct Options {
     /// Hide this effect, with a drawn size: viscous_friction@pole, for one; without @TARGET the target is drawn
     #[arg(long, global = true, value_name = "KIND[@TARGET]")]
     effect: Option<String>,
+    /// What is drawn from where no effect is chosen
+    #[arg(long, global = true, value_enum, default_value = "basic", conflicts_with_all = ["effect", "nothing"])]
+    from: Choice,
     /// Length of the recording, s [default: as in rig.toml]
     #[arg(long, global = true, value_name = "S", value_parser = duration)]
     duration: Option<f64>,
@@ -80,17 +83,26 @@ struct Options {
 enum Noise {
     /// A good laboratory
     Low,
-    /// The paper's rig
-    Realistic,
+    /// The paper's rig; `realistic` says the same
+    #[value(alias = "realistic")]
+    Medium,
     /// A poor sensor and a coarse encoder
     High,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Choice {
+    /// Friction, drag, springs, a constant force, gain and delay of the input
+    Basic,
+    /// These, and frictions with a memory, sensors, the rest of the drive: everything that a log can show
+    All,
 }
 
 impl From<Noise> for NoiseLevel {
     fn from(noise: Noise) -> Self {
         match noise {
             Noise::Low => NoiseLevel::Low,
-            Noise::Realistic => NoiseLevel::Realistic,
+            Noise::Medium => NoiseLevel::Realistic,
             Noise::High => NoiseLevel::High,
         }
     }

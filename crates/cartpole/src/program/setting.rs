@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Error, Options};
+use super::{Choice, Error, Options};
 use crate::config::Config;
-use crate::rig::{CHOICES, Hidden, draw, draw_of};
+use crate::rig::{CHOICES, Hidden, draw, draw_any, draw_of};
 
 /// What a run of the program works with.
 pub(super) struct Setting {
@@ -32,7 +32,10 @@ impl Setting {
         let hidden = match (&options.effect, options.nothing) {
             (_, true) => Hidden::Nothing,
             (Some(name), false) => chosen(&config, name, seed)?,
-            (None, false) => draw(&config, seed),
+            (None, false) => match options.from {
+                Choice::Basic => draw(&config, seed),
+                Choice::All => draw_any(&config, seed),
+            },
         };
         Ok(Setting {
             config,

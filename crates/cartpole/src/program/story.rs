@@ -151,15 +151,35 @@ fn in_words(hidden: &Hidden) -> String {
         let spec = specs.iter().find(|spec| spec.name == name);
         let unit = match (spec, name) {
             (Some(spec), _) => spec.quantity.unit(angular),
-            (None, "gap") => "m",
-            (None, "motor_inertia") => "kg",
-            (None, _) => "",
+            (None, name) => unit(hidden, name, angular),
         };
         let unit = if unit == "1" { "" } else { unit };
         let value = three_digits(value);
         words += format!(", {name} = {value} {unit}").trim_end();
     }
     words
+}
+
+/// The unit of a parameter that the library of the diagnosis does not have.
+fn unit(hidden: &Hidden, name: &str, angular: bool) -> &'static str {
+    let either = |linear, angle| if angular { angle } else { linear };
+    match (hidden, name) {
+        (Hidden::Hysteresis { .. }, "width") | (_, "gap") => "m",
+        (Hidden::SensorOffset { .. }, "offset") => either("m", "rad"),
+        (Hidden::LoadDependentFriction { .. }, _) => "",
+        (Hidden::PeriodicForce { .. }, "period") => either("m", "rad"),
+        (_, "force" | "coulomb_force" | "static_force" | "amplitude") => either("N", "N·m"),
+        (_, "offset" | "width" | "limit") => "N",
+        (_, "coefficient" | "coefficient_positive" | "coefficient_negative" | "damping") => {
+            either("N·s/m", "N·m·s/rad")
+        }
+        (_, "stiffness" | "slope") => either("N/m", "N·m/rad"),
+        (_, "stribeck_velocity") => either("m/s", "rad/s"),
+        (_, "delay" | "time_constant") => "s",
+        (_, "motor_inertia") => "kg",
+        (_, "phase") => "rad",
+        _ => "",
+    }
 }
 
 fn three_digits(x: f64) -> String {

@@ -1,19 +1,16 @@
 //! What the rig hides: one effect, by kind, target and size.
 
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use super::Error;
-use crate::config::{Config, Range};
 
 /// What an effect sits on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Target {
-    /// The cart's joint.
+    /// The cart's joint, or its sensor.
     Slider,
-    /// The pole's joint.
+    /// The pole's joint, or its sensor.
     Pole,
     /// The input.
     Motor,
@@ -126,6 +123,135 @@ pub enum Hidden {
         /// The motor's part of the mass that slides, kg.
         motor_inertia: f64,
     },
+    /// Q = −c₊ v for v > 0, −c₋ v for v < 0.
+    AsymmetricViscousFriction {
+        /// Joint.
+        target: Target,
+        /// c₊, N·s/m or N·m·s/rad.
+        coefficient_positive: f64,
+        /// c₋, N·s/m or N·m·s/rad.
+        coefficient_negative: f64,
+    },
+    /// Coulomb friction of the size F₀ + s q, none where that is below 0.
+    PositionDependentFriction {
+        /// Joint.
+        target: Target,
+        /// F₀, N or N·m.
+        force: f64,
+        /// s, N/m or N·m/rad.
+        slope: f64,
+    },
+    /// Q = −μ |f| sgn v beside the known friction, f the motor's force; holds at rest up to μ |f| more.
+    LoadDependentFriction {
+        /// The cart's joint.
+        target: Target,
+        /// μ.
+        coefficient: f64,
+    },
+    /// Q = A sin(2π q/λ + φ).
+    PeriodicForce {
+        /// Joint.
+        target: Target,
+        /// A, N or N·m.
+        amplitude: f64,
+        /// λ, m or rad.
+        period: f64,
+        /// φ, rad.
+        phase: f64,
+    },
+    /// u + b arrives instead of u.
+    InputOffset {
+        /// Input.
+        target: Target,
+        /// b, N.
+        offset: f64,
+    },
+    /// f arrives instead of u, with T ḟ = u − f and f = 0 at the start.
+    ActuatorLag {
+        /// Input.
+        target: Target,
+        /// T, s.
+        time_constant: f64,
+    },
+    /// Nothing arrives while |u| ≤ w, u − w sgn u beyond.
+    InputDeadZone {
+        /// Input.
+        target: Target,
+        /// w, half of the zone, N.
+        width: f64,
+    },
+    /// u clipped to ± L arrives.
+    InputSaturation {
+        /// Input.
+        target: Target,
+        /// L, N.
+        limit: f64,
+    },
+    /// The input drives the motor, J z̈ = u − k (z − x) − c (ż − ẋ); the string pulls the cart.
+    ElasticTransmission {
+        /// Input.
+        target: Target,
+        /// k, N/m.
+        stiffness: f64,
+        /// c, N·s/m.
+        damping: f64,
+        /// J, kg, beside the mass that slides.
+        motor_inertia: f64,
+    },
+    /// The sensor reads q + b.
+    SensorOffset {
+        /// The sensor's joint.
+        target: Target,
+        /// b, m or rad.
+        offset: f64,
+    },
+    /// The sensor reads (1 + s) q.
+    SensorScale {
+        /// The sensor's joint.
+        target: Target,
+        /// s.
+        scale: f64,
+    },
+    /// At t the sensor reads q(t − T).
+    SensorDelay {
+        /// The sensor's joint.
+        target: Target,
+        /// T, s.
+        delay: f64,
+    },
+    /// Q = −σ z, ż = v − σ z |v|/F.
+    DahlFriction {
+        /// The cart's joint.
+        target: Target,
+        /// σ, N/m.
+        stiffness: f64,
+        /// F, N.
+        coulomb_force: f64,
+    },
+    /// Q = −(σ₀ z + σ₁ ż), ż = v − σ₀ z |v|/g, g = F_c + (F_s − F_c) exp(−(v/v_s)²).
+    LugreFriction {
+        /// The cart's joint.
+        target: Target,
+        /// σ₀, N/m.
+        stiffness: f64,
+        /// σ₁, N·s/m.
+        damping: f64,
+        /// F_c, N.
+        coulomb_force: f64,
+        /// F_s, N.
+        static_force: f64,
+        /// v_s, m/s.
+        stribeck_velocity: f64,
+    },
+    /// A spring with its other end on a slider with dry friction: Q = −k e, |e| ≤ w, ė = v but where it slips.
+    Hysteresis {
+        /// The cart's joint.
+        target: Target,
+        /// k, N/m.
+        stiffness: f64,
+        /// w, half width of the loop, m.
+        width: f64,
+    },
 }
 
 impl Hidden {
@@ -144,6 +270,21 @@ impl Hidden {
             Hidden::InputGainError { .. } => "input_gain_error",
             Hidden::InputDelay { .. } => "input_delay",
             Hidden::Backlash { .. } => "backlash",
+            Hidden::AsymmetricViscousFriction { .. } => "asymmetric_viscous_friction",
+            Hidden::PositionDependentFriction { .. } => "position_dependent_friction",
+            Hidden::LoadDependentFriction { .. } => "load_dependent_friction",
+            Hidden::PeriodicForce { .. } => "periodic_force",
+            Hidden::InputOffset { .. } => "input_offset",
+            Hidden::ActuatorLag { .. } => "actuator_lag",
+            Hidden::InputDeadZone { .. } => "input_dead_zone",
+            Hidden::InputSaturation { .. } => "input_saturation",
+            Hidden::ElasticTransmission { .. } => "elastic_transmission",
+            Hidden::SensorOffset { .. } => "sensor_offset",
+            Hidden::SensorScale { .. } => "sensor_scale",
+            Hidden::SensorDelay { .. } => "sensor_delay",
+            Hidden::DahlFriction { .. } => "dahl_friction",
+            Hidden::LugreFriction { .. } => "lugre_friction",
+            Hidden::Hysteresis { .. } => "hysteresis",
         }
     }
 
@@ -161,7 +302,22 @@ impl Hidden {
             | Hidden::ConstantForce { target, .. }
             | Hidden::InputGainError { target, .. }
             | Hidden::InputDelay { target, .. }
-            | Hidden::Backlash { target, .. } => Some(target),
+            | Hidden::Backlash { target, .. }
+            | Hidden::AsymmetricViscousFriction { target, .. }
+            | Hidden::PositionDependentFriction { target, .. }
+            | Hidden::LoadDependentFriction { target, .. }
+            | Hidden::PeriodicForce { target, .. }
+            | Hidden::InputOffset { target, .. }
+            | Hidden::ActuatorLag { target, .. }
+            | Hidden::InputDeadZone { target, .. }
+            | Hidden::InputSaturation { target, .. }
+            | Hidden::ElasticTransmission { target, .. }
+            | Hidden::SensorOffset { target, .. }
+            | Hidden::SensorScale { target, .. }
+            | Hidden::SensorDelay { target, .. }
+            | Hidden::DahlFriction { target, .. }
+            | Hidden::LugreFriction { target, .. }
+            | Hidden::Hysteresis { target, .. } => Some(target),
         }
     }
 
@@ -170,6 +326,7 @@ impl Hidden {
         match *self {
             Hidden::Nothing => vec![],
             Hidden::ViscousFriction { coefficient, .. }
+            | Hidden::LoadDependentFriction { coefficient, .. }
             | Hidden::QuadraticDrag { coefficient, .. } => vec![("coefficient", coefficient)],
             Hidden::CoulombFriction { force, .. } | Hidden::ConstantForce { force, .. } => {
                 vec![("force", force)]
@@ -208,6 +365,67 @@ impl Hidden {
                 ("restitution", restitution),
                 ("motor_inertia", motor_inertia),
             ],
+            Hidden::AsymmetricViscousFriction {
+                coefficient_positive,
+                coefficient_negative,
+                ..
+            } => vec![
+                ("coefficient_positive", coefficient_positive),
+                ("coefficient_negative", coefficient_negative),
+            ],
+            Hidden::PositionDependentFriction { force, slope, .. } => {
+                vec![("force", force), ("slope", slope)]
+            }
+            Hidden::PeriodicForce {
+                amplitude,
+                period,
+                phase,
+                ..
+            } => vec![
+                ("amplitude", amplitude),
+                ("period", period),
+                ("phase", phase),
+            ],
+            Hidden::InputOffset { offset, .. } | Hidden::SensorOffset { offset, .. } => {
+                vec![("offset", offset)]
+            }
+            Hidden::ActuatorLag { time_constant, .. } => vec![("time_constant", time_constant)],
+            Hidden::InputDeadZone { width, .. } => vec![("width", width)],
+            Hidden::InputSaturation { limit, .. } => vec![("limit", limit)],
+            Hidden::ElasticTransmission {
+                stiffness,
+                damping,
+                motor_inertia,
+                ..
+            } => vec![
+                ("stiffness", stiffness),
+                ("damping", damping),
+                ("motor_inertia", motor_inertia),
+            ],
+            Hidden::SensorScale { scale, .. } => vec![("scale", scale)],
+            Hidden::SensorDelay { delay, .. } => vec![("delay", delay)],
+            Hidden::DahlFriction {
+                stiffness,
+                coulomb_force,
+                ..
+            } => vec![("stiffness", stiffness), ("coulomb_force", coulomb_force)],
+            Hidden::LugreFriction {
+                stiffness,
+                damping,
+                coulomb_force,
+                static_force,
+                stribeck_velocity,
+                ..
+            } => vec![
+                ("stiffness", stiffness),
+                ("damping", damping),
+                ("coulomb_force", coulomb_force),
+                ("static_force", static_force),
+                ("stribeck_velocity", stribeck_velocity),
+            ],
+            Hidden::Hysteresis {
+                stiffness, width, ..
+            } => vec![("stiffness", stiffness), ("width", width)],
         }
     }
 
@@ -223,23 +441,53 @@ impl Hidden {
                 reason,
             })
         };
-        let on_input = matches!(
-            self,
-            Hidden::InputGainError { .. } | Hidden::InputDelay { .. } | Hidden::Backlash { .. }
-        );
-        if on_input != (target == Target::Motor) {
-            return refuse(if on_input {
-                "it acts on an input: the target is `motor`".into()
-            } else {
-                "it acts on a joint: the target is `slider` or `pole`".into()
-            });
+        use Target::{Motor, Pole, Slider};
+        let (place, allowed): (&str, &[Target]) = match self {
+            Hidden::InputGainError { .. }
+            | Hidden::InputDelay { .. }
+            | Hidden::Backlash { .. }
+            | Hidden::InputOffset { .. }
+            | Hidden::ActuatorLag { .. }
+            | Hidden::InputDeadZone { .. }
+            | Hidden::InputSaturation { .. }
+            | Hidden::ElasticTransmission { .. } => {
+                ("acts on an input: the target is `motor`", &[Motor])
+            }
+            Hidden::LoadDependentFriction { .. }
+            | Hidden::DahlFriction { .. }
+            | Hidden::LugreFriction { .. }
+            | Hidden::Hysteresis { .. } => ("acts on the cart: the target is `slider`", &[Slider]),
+            Hidden::SensorScale { .. } => (
+                "is of a sensor with an end: the target is `slider`",
+                &[Slider],
+            ),
+            _ => (
+                "acts on a joint: the target is `slider` or `pole`",
+                &[Slider, Pole],
+            ),
+        };
+        if !allowed.contains(&target) {
+            return refuse(format!("it {place}"));
         }
         for (name, value) in self.parameters() {
-            let either_sign =
-                matches!(name, "rest" | "gain") || matches!(self, Hidden::ConstantForce { .. });
+            let either_sign = matches!(
+                name,
+                "rest" | "gain" | "offset" | "phase" | "slope" | "scale"
+            ) || matches!(self, Hidden::ConstantForce { .. });
             if !value.is_finite() || (value < 0.0 && !either_sign) {
                 let domain = if either_sign { "finite" } else { "at least 0" };
                 return refuse(format!("{name} is {value}: it must be {domain}"));
+            }
+            let divides = matches!(
+                (self, name),
+                (Hidden::PeriodicForce { .. }, "period")
+                    | (Hidden::ActuatorLag { .. }, "time_constant")
+                    | (Hidden::ElasticTransmission { .. }, "motor_inertia")
+                    | (Hidden::DahlFriction { .. }, "coulomb_force")
+                    | (Hidden::LugreFriction { .. }, "coulomb_force")
+            );
+            if value == 0.0 && divides {
+                return refuse(format!("{name} is 0: it must be above 0"));
             }
         }
         match *self {
@@ -248,11 +496,19 @@ impl Hidden {
                 static_force,
                 stribeck_velocity,
                 ..
+            }
+            | Hidden::LugreFriction {
+                coulomb_force,
+                static_force,
+                stribeck_velocity,
+                ..
             } if static_force < coulomb_force || stribeck_velocity == 0.0 => refuse(format!(
                 "static_force {static_force} must not be below coulomb_force {coulomb_force}, and stribeck_velocity \
                  {stribeck_velocity} must be above 0"
             )),
-            Hidden::InputDelay { delay, .. } if delay > 10.0 => {
+            Hidden::InputDelay { delay, .. } | Hidden::SensorDelay { delay, .. }
+                if delay > 10.0 =>
+            {
                 refuse(format!("delay is {delay} s: give at most 10 s"))
             }
             Hidden::Backlash { restitution, .. } if restitution > 1.0 => refuse(format!(
@@ -266,120 +522,4 @@ impl Hidden {
             _ => Ok(()),
         }
     }
-}
-
-/// The number of different (kind, target) pairs that are drawn.
-pub const CASES: usize = 13;
-
-/// Cases that can be asked for: the drawn ones, then backlash.
-pub const CHOICES: usize = 14;
-
-/// Draws an effect: uniform over kinds and targets, sizes uniform in the ranges of the settings, signs by a fair coin. Never
-/// nothing.
-///
-/// ```
-/// # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/cartpole/rig.toml");
-/// let config = cartpole::config::Config::read(path.as_ref())?;
-/// assert_eq!(cartpole::rig::draw(&config, 7), cartpole::rig::draw(&config, 7));
-/// # Ok::<(), cartpole::config::ConfigError>(())
-/// ```
-pub fn draw(config: &Config, seed: u64) -> Hidden {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    rng.set_stream(super::stream::DRAW);
-    let case = rng.random_range(0..CASES);
-    draw_case(config, case, &mut rng)
-}
-
-/// An effect of the given case, 0 to [`CHOICES`] − 1 (taken modulo), with sizes drawn as in [`draw`].
-pub fn draw_of(config: &Config, case: usize, seed: u64) -> Hidden {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    rng.set_stream(super::stream::DRAW);
-    draw_case(config, case % CHOICES, &mut rng)
-}
-
-fn draw_case(config: &Config, case: usize, rng: &mut ChaCha8Rng) -> Hidden {
-    use Target::{Motor, Pole, Slider};
-    let mut size = |[from, to]: Range| rng.random_range(from..=to);
-    let ranges = &config.hidden;
-    let known = config.known.slider_coulomb_friction;
-    let mut effect = match case {
-        0 => Hidden::ViscousFriction {
-            target: Slider,
-            coefficient: size(ranges.viscous_friction.slider),
-        },
-        1 => Hidden::ViscousFriction {
-            target: Pole,
-            coefficient: size(ranges.viscous_friction.pole),
-        },
-        2 => Hidden::CoulombFriction {
-            target: Slider,
-            force: size(ranges.coulomb_friction.slider),
-        },
-        3 => Hidden::CoulombFriction {
-            target: Pole,
-            force: size(ranges.coulomb_friction.pole),
-        },
-        4 => {
-            let difference = size(ranges.asymmetric_coulomb_friction.slider);
-            Hidden::AsymmetricCoulombFriction {
-                target: Slider,
-                force_positive: known + difference,
-                force_negative: known - difference,
-            }
-        }
-        5 => Hidden::StribeckFriction {
-            target: Slider,
-            coulomb_force: known,
-            static_force: known + size(ranges.stribeck_friction.slider),
-            stribeck_velocity: size(ranges.stribeck_friction.velocity),
-        },
-        6 => Hidden::QuadraticDrag {
-            target: Slider,
-            coefficient: size(ranges.quadratic_drag.slider),
-        },
-        7 => Hidden::QuadraticDrag {
-            target: Pole,
-            coefficient: size(ranges.quadratic_drag.pole),
-        },
-        8 => Hidden::LinearSpring {
-            target: Slider,
-            stiffness: size(ranges.linear_spring.slider),
-            rest: size(ranges.linear_spring.rest),
-        },
-        9 => Hidden::CubicSpring {
-            target: Slider,
-            stiffness: size(ranges.cubic_spring.slider),
-        },
-        10 => Hidden::ConstantForce {
-            target: Slider,
-            force: size(ranges.constant_force.slider),
-        },
-        11 => Hidden::InputGainError {
-            target: Motor,
-            gain: size(ranges.input_gain_error.motor),
-        },
-        12 => Hidden::InputDelay {
-            target: Motor,
-            delay: size(ranges.input_delay.motor),
-        },
-        _ => Hidden::Backlash {
-            target: Motor,
-            gap: size(ranges.backlash.motor),
-            restitution: size(ranges.backlash.restitution),
-            motor_inertia: size(ranges.backlash.motor_inertia),
-        },
-    };
-    if rng.random_bool(0.5) {
-        match &mut effect {
-            Hidden::AsymmetricCoulombFriction {
-                force_positive,
-                force_negative,
-                ..
-            } => std::mem::swap(force_positive, force_negative),
-            Hidden::ConstantForce { force, .. } => *force = -*force,
-            Hidden::InputGainError { gain, .. } => *gain = -*gain,
-            _ => {}
-        }
-    }
-    effect
 }

@@ -11,7 +11,8 @@ use crate::config::{Config, Known, NoiseLevel};
 /// What a log was made of. Never given to the diagnosis.
 ///
 /// `known` friction is what the rig has unless the hidden effect takes its place: a hidden `viscous_friction` or
-/// `coulomb_friction` that of its joint, `asymmetric_coulomb_friction` and `stribeck_friction` the Coulomb friction of theirs.
+/// `coulomb_friction` that of its joint, `asymmetric_viscous_friction` the viscous friction of its joint, `asymmetric_coulomb_friction`,
+/// `stribeck_friction`, `position_dependent_friction`, `dahl_friction` and `lugre_friction` the Coulomb friction of theirs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Key {

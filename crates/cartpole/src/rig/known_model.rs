@@ -10,7 +10,7 @@ use super::{Error, Hidden};
 /// Writes the user's model for this draw to `out_dir/model.toml`, with its URDF beside it, and returns the model's path.
 ///
 /// It is `models_dir/cartpole.toml` without the effect of the hidden kind on the hidden joint, when there is one. What is hidden behind
-/// asymmetric or Stribeck friction is the law, so the plain Coulomb friction stays: it is then the wrong law.
+/// asymmetric, Stribeck, position-dependent, Dahl's or LuGre friction is the law, so the plain friction stays: it is then the wrong law.
 pub fn known_model(hidden: &Hidden, models_dir: &Path, out_dir: &Path) -> Result<PathBuf, Error> {
     let source = models_dir.join("cartpole.toml");
     let fault = |reason: String| Error::Model {

@@ -1,7 +1,7 @@
 //! The virtual test rig: logs of a cart-pole with a hidden effect.
 //!
-//! The rig is the truth against which the missing-physics workflow is judged. It has its own effects, with dry friction that really
-//! sticks, its own sensors and a hand at the input. It shares M, C and G with the rest of the project, and the stepping from event to
+//! The rig is the truth against which the missing-physics workflow is judged. It has its own effects ([`Hidden`] lists them), with dry
+//! friction that really sticks, its own sensors and a hand at the input. It shares M, C and G with the rest of the project, and the stepping from event to
 //! event, half a millisecond at most at a time, of [`integrators::event`], which no fit uses.
 //!
 //! ```no_run
@@ -14,6 +14,7 @@
 //! rig::Key::new(&config, &hidden, 1).write_json("sealed/key.json".as_ref())?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+mod draw;
 pub mod effects;
 mod error;
 mod hidden;
@@ -26,11 +27,14 @@ mod recording;
 pub mod sensors;
 pub mod truth;
 
+pub use draw::{CASES, CASES_ALL, CHOICES, draw, draw_any, draw_of};
 pub use error::Error;
-pub use hidden::{CASES, CHOICES, Hidden, Target, draw, draw_of};
+pub use hidden::{Hidden, Target};
 pub use key::Key;
 pub use known_model::known_model;
 pub use recording::Recording;
+
+use std::collections::VecDeque;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -101,11 +105,18 @@ pub fn run_with<P: Plant>(
     let mut recording = Recording::default();
     let mut states = Vec::with_capacity(rows);
     // It was at rest before the first row.
-    let mut before = sensors.measure(rig.state().q);
+    let faults = effects.sensors;
+    let mut late =
+        [0, 1].map(|joint| Late::new(faults.delay[joint], interval, rig.state().q[joint]));
+    let mut before = sensors.measure(faults.read(rig.state().q));
     for k in 0..rows {
         let state = rig.state();
         let time = k as f64 / config.rate;
-        let measured = sensors.measure(state.q);
+        let mut seen = state.q;
+        for (seen, late) in seen.iter_mut().zip(&mut late) {
+            *seen = late.next().unwrap_or(*seen);
+        }
+        let measured = sensors.measure(faults.read(seen));
         let velocity = backward_difference(before, measured, interval);
         before = measured;
         states.push(state);
@@ -122,6 +133,7 @@ pub fn run_with<P: Plant>(
             interval,
             pieces as usize,
             &mut disturbance,
+            &mut late,
         )?;
     }
     recording.blows = rig.blows().to_vec();
@@ -135,7 +147,7 @@ fn arriving(drive: &Drive, u: &[f64], interval: f64) -> (f64, f64, f64) {
     let whole = late.floor();
     let input = |back: usize| {
         let index = u.len().checked_sub(1 + back);
-        (1.0 + drive.gain) * index.and_then(|i| u.get(i)).copied().unwrap_or(0.0)
+        drive.force(index.and_then(|i| u.get(i)).copied().unwrap_or(0.0))
     };
     let whole_steps = whole as usize;
     (
@@ -145,20 +157,74 @@ fn arriving(drive: &Drive, u: &[f64], interval: f64) -> (f64, f64, f64) {
     )
 }
 
-/// One interval of the log: the disturbance is held over each of its pieces, the input switches once.
+/// A joint's sensor that reads what was: at row k the position at t_k − delay.
+struct Late {
+    /// When in an interval the joint is where a later row will say, s after the interval's begin; none without a delay.
+    instant: Option<f64>,
+    /// What the next rows will say.
+    readings: VecDeque<f64>,
+}
+
+impl Late {
+    /// Of a joint that has been at `start` all the time.
+    fn new(delay: f64, interval: f64, start: f64) -> Self {
+        if delay == 0.0 {
+            return Late {
+                instant: None,
+                readings: VecDeque::new(),
+            };
+        }
+        // The small excess keeps a delay of whole intervals from becoming one more.
+        let whole = (delay / interval * (1.0 - 1e-9)).ceil();
+        Late {
+            instant: Some((whole * interval - delay).max(0.0)),
+            readings: std::iter::repeat_n(start, whole as usize).collect(),
+        }
+    }
+
+    /// The position that the row's reading is of; none without a delay.
+    fn next(&mut self) -> Option<f64> {
+        self.readings.pop_front()
+    }
+}
+
+/// One interval of the log: the disturbance is held over each of its pieces, the input switches once, late sensors take note.
 fn advance<P: Plant>(
     rig: &mut Truth<P>,
-    (early, switch, late): (f64, f64, f64),
+    (early, switch, after): (f64, f64, f64),
     interval: f64,
     pieces: usize,
     disturbance: &mut Coloured,
+    late: &mut [Late; 2],
 ) -> Result<(), Error> {
     let piece = interval / pieces as f64;
     for i in 0..pieces {
         let force = disturbance.next();
-        let before_switch = (switch - i as f64 * piece).clamp(0.0, piece);
-        rig.advance_under([early, force], before_switch)?;
-        rig.advance_under([late, force], piece - before_switch)?;
+        let start = i as f64 * piece;
+        let before_switch = (switch - start).clamp(0.0, piece);
+        let mut at = 0.0;
+        let mut go_on = |rig: &mut Truth<P>, until: f64| {
+            for (end, arriving) in [(before_switch.min(until), early), (until, after)] {
+                rig.advance_under([arriving, force], end - at)?;
+                at = at.max(end);
+            }
+            Ok(())
+        };
+        let instant = |late: &Late| {
+            let here = |t: &f64| (*t / piece) as usize == i || (i + 1 == pieces && *t >= start);
+            late.instant
+                .filter(here)
+                .map(|t| (t - start).clamp(0.0, piece))
+        };
+        let mut notes = [0, 1].map(|joint| (joint, instant(&late[joint])));
+        notes.sort_by(|(_, a), (_, b)| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
+        for (joint, instant) in notes {
+            if let Some(instant) = instant {
+                go_on(rig, instant)?;
+                late[joint].readings.push_back(rig.state().q[joint]);
+            }
+        }
+        go_on(rig, piece)?;
     }
     Ok(())
 }
