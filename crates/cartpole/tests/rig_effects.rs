@@ -657,6 +657,56 @@ fn halving_the_step_changes_the_memory_of_no_effect() {
 }
 
 #[test]
+fn strings_are_drawn_by_the_frequency_and_damping_of_the_motor_on_them() {
+    let config = config();
+    let ranges = config.hidden.elastic_transmission;
+    let within =
+        |x: f64, [from, to]: [f64; 2]| (from * (1.0 - 1e-12)..=to * (1.0 + 1e-12)).contains(&x);
+    for seed in 0..200 {
+        let Hidden::ElasticTransmission {
+            stiffness,
+            damping,
+            motor_inertia,
+            ..
+        } = draw_of(&config, 23, seed)
+        else {
+            panic!("case 23 is another effect")
+        };
+        let rate = (stiffness / motor_inertia).sqrt();
+        assert!(within(rate / TAU, ranges.frequency));
+        assert!(within(
+            damping / (2.0 * motor_inertia * rate),
+            ranges.damping_ratio
+        ));
+        assert!(within(motor_inertia, ranges.motor_inertia));
+    }
+}
+
+#[test]
+fn ranges_of_effects_that_no_rig_can_have_are_refused_by_their_key() {
+    let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/cartpole");
+    let text = std::fs::read_to_string(models.join("rig.toml")).unwrap();
+    let refused = |from: &str, to: &str| {
+        assert!(text.contains(from), "{from}");
+        let wrong = text.replace(from, to);
+        Config::parse(&wrong, "rig.toml").unwrap_err().to_string()
+    };
+    // At the end of the rail, 0.325 m, a slope of 0.7 N/m would make of 0.2153 N of friction one that pushes.
+    let steep = refused("slider = [0.25, 0.6]", "slider = [0.25, 0.7]");
+    assert!(
+        steep.contains("hidden.position_dependent_friction.slider is [0.25, 0.7]"),
+        "{steep}"
+    );
+    let back = refused(
+        "damping_ratio = [0.03, 0.15]",
+        "damping_ratio = [0.15, 0.03]",
+    );
+    assert!(back.contains("damping_ratio"), "{back}");
+    let zero = refused("period = [0.02, 0.08]", "period = [0.0, 0.08]");
+    assert!(zero.contains("hidden.periodic_force.period"), "{zero}");
+}
+
+#[test]
 fn effects_that_no_rig_has_are_refused() {
     let refused = |hidden: Hidden| hidden.check().unwrap_err().to_string();
     let on_pole = refused(Hidden::DahlFriction {
