@@ -53,5 +53,5 @@ pub use fixed::{
 };
 pub use mechanical::Mechanical;
 pub use real::Real;
-pub use space::{Flat, PhaseSpace, Rotation, Space};
+pub use space::{Flat, PhaseSpace, Product, Rotation, Space};
 pub use system::{Ode, System};

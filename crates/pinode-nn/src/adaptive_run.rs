@@ -22,7 +22,7 @@ const SMALL: f64 = 1e-3;
 const MOST_STEPS: usize = 10_000_000;
 
 /// The absolute tolerances that belong to rtol = `relative`, one for each entry of v for the positions and one for each for the
-/// velocities.
+/// velocities, then one for each state of the effects with a memory: stretches and velocities, rtol · 10 µm or 10 µm/s.
 ///
 /// atol = rtol · 1 mm or 1 mrad for positions, rtol · 1 mm/s or 1 mrad/s for velocities; for the velocity of a coordinate with dry
 /// friction rtol times the velocity over which its sign change is spread, where that is less.
@@ -33,6 +33,7 @@ pub fn absolute_tolerances(hybrid: &Hybrid, relative: f64) -> Vec<f64> {
         let small = hybrid.smoothing(c).map_or(SMALL, |s| s.min(SMALL));
         absolute.extend(std::iter::repeat_n(relative * small, coordinate.nv()));
     }
+    absolute.extend(std::iter::repeat_n(relative * 0.01 * SMALL, hybrid.nh()));
     absolute
 }
 
@@ -91,7 +92,8 @@ impl<'a> AdaptiveRun<'a> {
             .with_max_steps(MOST_STEPS)
     }
 
-    /// From `initial` (q, v) at the first sample: one state a sample, and what they took.
+    /// From `initial` (q, v) or (q, v, h) at the first sample: one state (q, v) a sample, and what they took. Without h, the effects with a
+    /// memory start as after a long rest.
     ///
     /// # Errors
     /// Those of [`integrators::adaptive::roll_out`].
@@ -107,7 +109,16 @@ impl<'a> AdaptiveRun<'a> {
         } = &self.held;
         let motion = HybridMotion::new(self.hybrid, &self.theta, &[], inputs);
         let (bounds, held) = (&inputs.grid.bounds, Inputs::Held(held));
-        let mut rolled = roll_out(&motion, settings, bounds, held, initial)?;
+        let visible = self.hybrid.nx() - self.hybrid.nh();
+        let mut start = initial.to_vec();
+        if initial.len() == visible {
+            let parts = initial.split_at(self.hybrid.nq());
+            start.extend(self.hybrid.hidden_at_rest(parts, &self.theta, inputs, 0));
+        }
+        let mut rolled = roll_out(&motion, settings, bounds, held, &start)?;
+        for state in &mut rolled.states {
+            state.truncate(visible);
+        }
         if samples.len() < rolled.states.len() {
             let mut wanted = samples.iter().copied().peekable();
             let mut bound = 0_usize..;

@@ -6,7 +6,7 @@ use serde::Serialize;
 use crate::Error;
 use crate::entries::refuse_poses;
 use crate::free_run::{FreeRun, Initial, LONGEST_STEP, initial_states};
-use crate::hybrid::Hybrid;
+use crate::hybrid::{Hybrid, Reading};
 use crate::log::{Log, Run};
 use crate::model::{Model, Velocity};
 use crate::shooting::{Trajectory, wrap_angle};
@@ -103,15 +103,16 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
     }
     let channels = channels(model, &runs);
     let hybrid = Hybrid::of(model);
+    let theta = hybrid.theta();
     let prepared: Vec<(FreeRun, Vec<Vec<f64>>)> = runs
         .iter()
         .map(|run| {
-            (
-                FreeRun::new(&hybrid, &run.t, &run.u, options.longest_step),
-                initial_states(model, run, options.initial),
-            )
+            let free_run = FreeRun::new(&hybrid, &run.t, &run.u, options.longest_step);
+            let states = free_run.with_hidden(initial_states(model, run, options.initial));
+            (free_run, states)
         })
         .collect();
+    let readings = hybrid.readings(&theta, &[]);
     // Sums of each window, put together in the order of the windows: the same bits for any number of threads.
     let sums: Vec<Option<Vec<Sums>>> = starts
         .par_iter()
@@ -121,7 +122,10 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
             free_run
                 .roll(&mut roller, (first, count), initial.get(first)?, trajectory)
                 .ok()
-                .map(|()| window_sums(model, runs[run], first, &trajectory.states, &channels))
+                .map(|()| {
+                    let states = (hybrid.nx(), trajectory.states.as_slice());
+                    window_sums(model, runs[run], first, states, &readings, &channels)
+                })
         })
         .collect();
     let diverged = sums.iter().filter(|window| window.is_none()).count();
@@ -278,47 +282,49 @@ pub(crate) fn starts(runs: &[&Run], options: &Options) -> Vec<(usize, usize, usi
         .collect()
 }
 
-/// Errors at every sample of a window but the first.
+/// Errors at every sample of a window but the first; `states` of `nx` numbers each.
 fn window_sums(
     model: &Model,
     run: &Run,
     first: usize,
-    states: &[f64],
+    (nx, states): (usize, &[f64]),
+    readings: &[Reading],
     channels: &[Channel],
 ) -> Vec<Sums> {
     let n = model.mechanics.nv();
     let coordinates = model.mechanics.coordinates();
-    let state = |k: usize| &states[2 * n * k..2 * n * (k + 1)];
-    channels
-        .iter()
-        .map(
-            |&Channel {
-                 coordinate: c,
-                 velocity,
-             }| {
-                let (sensor, wraps) = (&model.sensors[c], coordinates[c].wraps);
-                let on_circle = |x: f64| if wraps { wrap_angle(x) } else { x };
-                let mut sums = Sums::default();
-                for k in 1..states.len() / (2 * n) {
-                    let error = match (velocity, &run.v[c]) {
-                        (true, Some(measured)) => {
-                            let simulated = if sensor.velocity == Velocity::BackwardDifference {
-                                let h = run.t[first + k] - run.t[first + k - 1];
-                                (state(k)[c] - state(k - 1)[c]) / h
-                            } else {
-                                state(k)[n + c]
-                            };
-                            simulated - measured[first + k]
-                        }
-                        _ => on_circle(state(k)[c] + sensor.zero - run.q[c][first + k]),
+    let samples = states.len() / nx;
+    let t = &run.t[first..first + samples];
+    let sums = |&Channel {
+                    coordinate: c,
+                    velocity,
+                }: &Channel| {
+        let (sensor, wraps) = (&model.sensors[c], coordinates[c].wraps);
+        let on_circle = |x: f64| if wraps { wrap_angle(x) } else { x };
+        let position = |k: usize| {
+            let read = readings[c].position((c, n + c), nx, states, t, k);
+            read.value
+        };
+        let mut sums = Sums::default();
+        for k in 1..samples {
+            let error = match (velocity, &run.v[c]) {
+                (true, Some(measured)) => {
+                    let simulated = if sensor.velocity == Velocity::BackwardDifference {
+                        (position(k) - position(k - 1)) / (t[k] - t[k - 1])
+                    } else {
+                        let read = readings[c].velocity((c, n + c), nx, states, t, k);
+                        read.value
                     };
-                    sums.count += 1.0;
-                    sums.sum += error;
-                    sums.absolute += error.abs();
-                    sums.squares += error * error;
+                    simulated - measured[first + k]
                 }
-                sums
-            },
-        )
-        .collect()
+                _ => on_circle(position(k) - run.q[c][first + k]),
+            };
+            sums.count += 1.0;
+            sums.sum += error;
+            sums.absolute += error.abs();
+            sums.squares += error * error;
+        }
+        sums
+    };
+    channels.iter().map(sums).collect()
 }

@@ -29,26 +29,34 @@ pub enum Initial {
     Estimated,
 }
 
-/// The states (q, v) of a run from which free runs can start: one row a sample.
+/// The states (q, v) of a run from which free runs can start, behind what its sensors read: one row a sample.
 pub fn initial_states(model: &Model, run: &Run, kind: Initial) -> Vec<Vec<f64>> {
     let coordinates = model.mechanics.coordinates();
     let wraps: Vec<bool> = coordinates.iter().map(|c| c.wraps).collect();
-    let q: Vec<Vec<f64>> = run
-        .q
-        .iter()
-        .zip(&model.sensors)
-        .map(|(column, sensor)| column.iter().map(|q| q - sensor.zero).collect())
-        .collect();
+    let hybrid = Hybrid::of(model);
+    let readings = hybrid.readings(&hybrid.theta(), &[]);
+    let n = readings.len();
+    let behind_readings = |mut state: Vec<f64>| {
+        for (c, reading) in readings.iter().enumerate() {
+            let (y, rate) = (state[c], state[n + c]);
+            state[c] = reading.position_of(y, rate);
+            state[n + c] = rate / reading.factor;
+        }
+        state
+    };
+    let q = &run.q;
     match kind {
         Initial::Estimated => {
             let observed = ObservedRun {
                 t: run.t.clone(),
                 u: Vec::new(),
                 valid: vec![vec![true; run.len()]; q.len()],
-                y: q,
+                y: q.clone(),
             };
             let smoothed = smooth(&observed, &wraps, SMOOTHING);
-            (0..run.len()).map(|k| smoothed.state(k)).collect()
+            (0..run.len())
+                .map(|k| behind_readings(smoothed.state(k)))
+                .collect()
         }
         Initial::Measured => {
             let v: Vec<Vec<f64>> = q
@@ -61,7 +69,7 @@ pub fn initial_states(model: &Model, run: &Run, kind: Initial) -> Vec<Vec<f64>> 
                 })
                 .collect();
             (0..run.len())
-                .map(|k| q.iter().chain(&v).map(|column| column[k]).collect())
+                .map(|k| behind_readings(q.iter().chain(&v).map(|column| column[k]).collect()))
                 .collect()
         }
     }
@@ -155,7 +163,20 @@ impl<'a> FreeRun<'a> {
         Roller::new(self.hybrid, &[])
     }
 
-    /// States (q, v), one after the other, at `count` samples from `first` on; as many as stayed finite.
+    /// The states (q, v) of the whole recording with the states h of effects with a memory that this motion takes them to.
+    pub fn with_hidden(&self, states: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+        if self.hybrid.nh() == 0 || states.len() != self.inputs.grid.samples() {
+            return states;
+        }
+        let motion = |k: usize| states.get(k).cloned().unwrap_or_default();
+        let path = self.hybrid.hidden_path(&self.theta, &self.inputs, &motion);
+        let states = states.iter().enumerate();
+        states
+            .map(|(k, state)| [state, path.at(k)].concat())
+            .collect()
+    }
+
+    /// States (q, v, h), one after the other, at `count` samples from `first` on; as many as stayed finite.
     ///
     /// # Errors
     /// [`FreeRunError`].
@@ -223,7 +244,10 @@ pub fn simulate_by(
     let hybrid = Hybrid::of(model);
     let FreeRun { theta, inputs, .. } = FreeRun::new(&hybrid, t, u, longest_step);
     let motion = HybridMotion::new(&hybrid, &theta, &[], &inputs);
-    let mut states = vec![initial.to_vec()];
+    let (q, v) = initial.split_at(hybrid.nq().min(initial.len()));
+    let hidden = hybrid.hidden_at_rest((q, v), &theta, &inputs, 0);
+    let visible = initial.len();
+    let mut states = vec![[initial, &hidden].concat()];
     let rolled = match scheme {
         Scheme::Contacts => {
             return roll_contacts(&hybrid, &theta, &inputs, (0, t.len()), initial)
@@ -234,10 +258,12 @@ pub fn simulate_by(
         Scheme::Heun => roll(&motion, Heun::default(), &inputs, t.len(), &mut states),
         Scheme::Variational => {
             check_free(&*model.mechanics, &model.parameter_values)?;
+            hybrid.check_without_memory()?;
             let method = Variational::new(&motion, Order::Four);
             roll(&motion, method, &inputs, t.len(), &mut states)
         }
     };
+    states.iter_mut().for_each(|state| state.truncate(visible));
     let Err(diverged) = rolled else {
         return Ok(states);
     };

@@ -4,15 +4,16 @@
 use std::path::Path;
 
 use integrators::{Differentiable, Gradient, Jacobian, Space, System};
-use pinode_nn::effect::{Action, default_smoothing, registry};
+use pinode_nn::effect::{ActsOn, default_smoothing, registry};
 use pinode_nn::hybrid::{ConstantId, Hybrid, HybridMotion, Placed};
 use pinode_nn::model::Model;
 use pinode_nn::shooting::{Roller, Trajectory};
 
 const SUBSTEPS: usize = 4;
 
-/// The cart-pole with each kind of effect on the slider (or the motor), and friction on the pole; all of θ free.
-fn with_every_effect() -> Hybrid {
+/// The cart-pole with each kind of effect on the slider (or its sensor, or the motor), and friction on the pole, and one of the kinds that
+/// may stand between the motor and the slider; all of θ free.
+fn with_every_effect(transmission: &str) -> Hybrid {
     let path = concat!(
         env!("CARGO_MANIFEST_DIR"),
         "/../../models/cartpole/cartpole.toml"
@@ -20,6 +21,9 @@ fn with_every_effect() -> Hybrid {
     let model = Model::load(Path::new(path)).unwrap();
     let mut hybrid = Hybrid::of(&model);
     for kind in registry::ALL.iter().copied() {
+        if kind.is_transmission() && kind.name != transmission {
+            continue;
+        }
         let values: &[f64] = match kind.name {
             "viscous_friction" => &[0.3],
             "coulomb_friction" => &[0.1],
@@ -32,10 +36,25 @@ fn with_every_effect() -> Hybrid {
             "end_stop" => &[-0.04, 0.08, 150.0, 4.0],
             "input_gain_error" => &[0.1],
             "input_delay" => &[0.0312],
+            "asymmetric_viscous_friction" => &[0.1, 0.25],
+            "load_dependent_friction" => &[0.07],
+            "position_dependent_friction" => &[0.05, 0.3],
+            "periodic_force" => &[0.1, 0.06, 0.4],
+            "input_offset" => &[0.15],
+            "actuator_lag" => &[0.03],
+            "input_dead_zone" => &[0.2],
+            "input_saturation" => &[1.9],
+            "backlash" => &[0.01, 900.0, 3.0, 0.08],
+            "elastic_transmission" => &[300.0, 2.0, 0.07],
+            "sensor_offset" => &[0.02],
+            "sensor_scale" => &[0.03],
+            "sensor_delay" => &[0.027],
+            "dahl_friction" => &[40.0, 0.2],
+            "lugre_friction" => &[60.0, 0.4, 0.1, 0.2, 0.1],
+            "hysteresis" => &[12.0, 0.02],
             other => panic!("{other} is new: give it parameters here"),
         };
         let angular = false;
-        assert!(matches!(kind.action, Action::Joint(_) | Action::Drive(_)));
         let placed = Placed {
             kind,
             target: 0,
@@ -47,6 +66,24 @@ fn with_every_effect() -> Hybrid {
         constant.tolerance = f64::INFINITY;
     }
     hybrid
+}
+
+/// (q, v, h) with what the effects remember of before.
+fn initial(hybrid: &Hybrid) -> Vec<f64> {
+    let mut x = vec![0.05, 2.4, 0.3, -2.0];
+    for effect in hybrid.effects() {
+        let h: &[f64] = match effect.kind.name {
+            "dahl_friction" => &[0.003],
+            "lugre_friction" => &[-0.001],
+            "hysteresis" => &[0.004],
+            "elastic_transmission" => &[0.01, 0.2],
+            "backlash" => &[-0.006, 0.5],
+            _ => &[],
+        };
+        x.extend(h);
+    }
+    assert_eq!(x.len(), hybrid.nx());
+    x
 }
 
 fn times_and_input() -> (Vec<f64>, Vec<Vec<f64>>) {
@@ -70,7 +107,10 @@ fn rolled(hybrid: &Hybrid, theta: &[f64], initial: &[f64]) -> Vec<f64> {
 
 #[test]
 fn sensitivities_of_a_roll_out_equal_differences() {
-    equal_differences(&with_every_effect(), &[0.05, 2.4, 0.3, -2.0]);
+    for transmission in ["none", "elastic_transmission", "backlash"] {
+        let hybrid = with_every_effect(transmission);
+        equal_differences(&hybrid, &initial(&hybrid));
+    }
 }
 
 /// The four-bar with friction on its rocker; the lengths in its constraints are free as well.
@@ -140,7 +180,7 @@ fn equal_differences(hybrid: &Hybrid, initial: &[f64]) {
         let h = 1e-5 * scale;
         let (plus, minus) = (shifted(h), shifted(-h));
         let (plus_2, minus_2) = (shifted(2.0 * h), shifted(-2.0 * h));
-        // The zero of a sensor shifts what is read, not the motion.
+        // A sensor changes what is read, not the motion.
         let name = hybrid
             .constants()
             .get(column.wrapping_sub(nx))
@@ -161,7 +201,17 @@ fn equal_differences(hybrid: &Hybrid, initial: &[f64]) {
                 );
             }
         }
-        let silent = matches!(name, Some(ConstantId::Zero(_)));
+        let silent = match name {
+            Some(ConstantId::Zero(_)) => true,
+            // Behind a transmission no force of an input acts on the joint itself.
+            Some(ConstantId::Effect(effect, _)) => {
+                let kind = hybrid.effects()[effect].kind;
+                let carried = hybrid.effects().iter().any(|e| e.kind.is_transmission());
+                kind.acts_on() == ActsOn::Sensor
+                    || (kind.name == "load_dependent_friction" && carried)
+            }
+            _ => false,
+        };
         assert_eq!(largest == 0.0, silent, "{name:?} moves nothing");
     }
 }
@@ -222,8 +272,12 @@ fn quadruped() -> (Hybrid, Vec<f64>) {
 /// directions of motion.
 #[test]
 fn derivatives_of_the_hybrid_motion_agree_with_one_another_and_with_differences() {
-    let cartpole = (with_every_effect(), vec![0.05, 2.4, 0.3, -2.0]);
-    for (hybrid, x) in [cartpole, quadruped()] {
+    let cartpoles = ["none", "elastic_transmission", "backlash"].map(|transmission| {
+        let hybrid = with_every_effect(transmission);
+        let x = initial(&hybrid);
+        (hybrid, x)
+    });
+    for (hybrid, x) in cartpoles.into_iter().chain([quadruped()]) {
         let (t, u) = times_and_input();
         let u = if hybrid.inputs() == 0 { Vec::new() } else { u };
         let (theta, free) = (hybrid.theta(), hybrid.free());
@@ -279,4 +333,102 @@ fn derivatives_of_the_hybrid_motion_agree_with_one_another_and_with_differences(
             }
         }
     }
+}
+
+/// What the sensors read is a smooth function of the states at the samples and of θ: its derivatives against differences, between
+/// samples, before the first one and at a sample.
+#[test]
+fn readings_change_with_states_and_constants_as_their_derivatives_say() {
+    let hybrid = with_every_effect("backlash");
+    let (theta, free) = (hybrid.theta(), hybrid.free());
+    let t: Vec<f64> = (0..6).map(|k| 0.02 * f64::from(k)).collect();
+    let nx = hybrid.nx();
+    let states: Vec<f64> = (0..6 * nx).map(|i| (0.7 * i as f64).sin()).collect();
+    let read = |theta: &[f64], states: &[f64], k: usize, position: bool| {
+        let reading = hybrid.reading(0, theta, &free);
+        match position {
+            true => reading.position((0, 2), nx, states, &t, k),
+            false => reading.velocity((0, 2), nx, states, &t, k),
+        }
+    };
+    for (k, position) in [
+        (0, true),
+        (1, true),
+        (2, true),
+        (5, true),
+        (0, false),
+        (4, false),
+    ] {
+        let here = read(&theta, &states, k, position);
+        let h = 1e-6;
+        for i in 0..states.len() {
+            let shifted = |d: f64| {
+                let mut states = states.clone();
+                states[i] += d;
+                read(&theta, &states, k, position).value
+            };
+            let found = (shifted(h) - shifted(-h)) / (2.0 * h);
+            let exact: f64 = here
+                .terms
+                .iter()
+                .filter(|(sample, state, _)| sample * nx + state == i)
+                .map(|(.., weight)| weight)
+                .sum();
+            assert!(
+                (found - exact).abs() < 1e-7,
+                "sample {k}, state {i}: {exact} {found}"
+            );
+        }
+        let mut by_theta = vec![0.0; free.len()];
+        hybrid
+            .reading(0, &theta, &free)
+            .add_by_theta(&here, 1.0, position, &mut by_theta);
+        for (i, exact) in by_theta.into_iter().enumerate() {
+            let shifted = |d: f64| {
+                let mut theta = theta.clone();
+                theta[i] += d;
+                read(&theta, &states, k, position).value
+            };
+            let found = (shifted(h) - shifted(-h)) / (2.0 * h);
+            // A velocity between samples is that of the cubic; its own slope is taken from the samples.
+            let delayed_velocity = !position
+                && hybrid
+                    .describe(i, &["motor".into()])
+                    .contains("sensor_delay");
+            if !delayed_velocity {
+                assert!(
+                    (found - exact).abs() < 1e-6,
+                    "sample {k}, θ[{i}]: {exact} {found}"
+                );
+            }
+        }
+    }
+}
+
+/// A reading that is T late is that of T before: a motion that is a cubic in time is met exactly between samples.
+#[test]
+fn a_delayed_sensor_reads_the_motion_of_before() {
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../models/cartpole/cartpole.toml"
+    );
+    let mut hybrid = Hybrid::of(&Model::load(Path::new(path)).unwrap());
+    let placed = Placed {
+        kind: registry::find("sensor_delay").unwrap(),
+        target: 1,
+        smoothing: default_smoothing(true),
+    };
+    hybrid.add(placed, &[0.033], false);
+    let reading = hybrid.reading(1, &hybrid.theta(), &[]);
+    let t: Vec<f64> = (0..6).map(|k| 0.02 * f64::from(k)).collect();
+    let q = |t: f64| 0.3 + 2.0 * t - 5.0 * t * t + 40.0 * t.powi(3);
+    let v = |t: f64| 2.0 - 10.0 * t + 120.0 * t * t;
+    let states: Vec<f64> = t.iter().flat_map(|&t| [0.0, q(t), 0.0, v(t)]).collect();
+    for k in 2..6 {
+        let read = reading.position((1, 3), 4, &states, &t, k).value;
+        assert!((read - q(t[k] - 0.033)).abs() < 1e-14, "sample {k}");
+    }
+    // Before the first sample a parabola has to do: 40 · 0.033³ and what the cubic does to the first interval's acceleration.
+    let read = reading.position((1, 3), 4, &states, &t, 0).value;
+    assert!((read - q(-0.033)).abs() < 4e-3, "{read} {}", q(-0.033));
 }

@@ -5,10 +5,12 @@
 //! addition; for a quaternion it keeps the length 1.
 
 mod phase;
+mod product;
 mod rotation;
 pub(crate) mod series;
 
 pub use phase::PhaseSpace;
+pub use product::Product;
 pub use rotation::Rotation;
 
 /// A vector space, a group of motions, or a product of them.
@@ -76,6 +78,9 @@ impl<S: Space> Space for &S {
     }
     fn distance(&self, point: &[f64]) -> f64 {
         (**self).distance(point)
+    }
+    fn scale_into(&self, point: &[f64], out: &mut [f64]) {
+        (**self).scale_into(point, out);
     }
 }
 

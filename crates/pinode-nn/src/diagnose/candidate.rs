@@ -1,6 +1,6 @@
 //! What could be missing: every kind of effect on every target where it makes sense.
 
-use crate::effect::{Action, Kind, Scales, default_smoothing, registry};
+use crate::effect::{ActsOn, Kind, Scales, default_smoothing, registry};
 use crate::hybrid::{Hybrid, Placed};
 
 /// A kind of effect on a target.
@@ -8,7 +8,7 @@ use crate::hybrid::{Hybrid, Placed};
 pub struct Candidate {
     /// The kind.
     pub kind: &'static Kind,
-    /// The coordinate, or the input for an effect of the drive.
+    /// The coordinate or the input: see [`Kind::acts_on`].
     pub target: usize,
 }
 
@@ -17,9 +17,9 @@ impl Candidate {
     pub fn all(hybrid: &Hybrid) -> Vec<Candidate> {
         let mut all = Vec::new();
         for kind in registry::ALL.iter().copied() {
-            let targets = match kind.action {
-                Action::Joint(_) => hybrid.nv(),
-                Action::Drive(_) => hybrid.inputs(),
+            let targets = match kind.acts_on() {
+                ActsOn::Joint | ActsOn::Sensor => hybrid.nv(),
+                ActsOn::Input => hybrid.inputs(),
             };
             for target in 0..targets {
                 let candidate = Candidate { kind, target };
@@ -30,7 +30,9 @@ impl Candidate {
                 }
                 let covered = hybrid.effects().iter().any(|placed| {
                     placed.target == target
-                        && (placed.kind == kind || placed.kind.contains.contains(&kind.name))
+                        && (placed.kind == kind
+                            || placed.kind.contains.contains(&kind.name)
+                            || (placed.kind.is_transmission() && kind.is_transmission()))
                 });
                 if !covered {
                     all.push(candidate);
@@ -64,10 +66,7 @@ impl Candidate {
             }
             None => (hybrid.clone(), theta.to_vec()),
         };
-        let angular = match self.kind.action {
-            Action::Joint(_) => hybrid.mechanics().coordinates()[self.target].angular,
-            Action::Drive(_) => false,
-        };
+        let angular = hybrid.is_angular(self.kind, self.target);
         with.add(
             Placed {
                 kind: self.kind,
@@ -83,17 +82,11 @@ impl Candidate {
 
     /// The scales on its target.
     pub fn scales(&self, hybrid: &Hybrid, scales: &[Scales]) -> Scales {
-        match self.kind.action {
-            Action::Joint(_) => scales[self.target],
-            Action::Drive(_) => scales[hybrid.input_coordinates()[self.target]],
-        }
+        scales[hybrid.coordinate_of(self.kind, self.target)]
     }
 
     /// Name of its target.
     pub fn target_name<'a>(&self, hybrid: &'a Hybrid, inputs: &'a [String]) -> &'a str {
-        match self.kind.action {
-            Action::Joint(_) => &hybrid.mechanics().coordinates()[self.target].name,
-            Action::Drive(_) => &inputs[self.target],
-        }
+        hybrid.target_name(self.kind, self.target, inputs)
     }
 }

@@ -142,14 +142,7 @@ fn rivals(
     added: &[Candidate],
     k: usize,
 ) -> Vec<Contender> {
-    let screen = screen(
-        &reduced.hybrid,
-        &reduced.inside,
-        &study.observations,
-        &study.windows.fit,
-        &study.scales,
-        study.substeps,
-    );
+    let screen = screen(study, reduced);
     let mut own = contender(vec![added[k]], current.clone(), reduced);
     own.imitated = screen
         .ranked

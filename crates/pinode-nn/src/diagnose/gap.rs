@@ -35,8 +35,12 @@ pub fn gap(
         let leading = lead_samples(run, window, lead);
         let coordinate = |c: usize, roll: &Option<Vec<f64>>, theta: &[f64], hybrid: &Hybrid| {
             roll.as_ref().map_or_else(Vec::new, |states| {
+                let reading = hybrid.reading(c, theta, &[]);
+                let channel = &observations.channels[c];
+                let sizes = (nv, hybrid.nx());
+                let t = &run.t[span.clone()];
                 (0..window.count)
-                    .map(|k| states[k * 2 * nv + c] + theta[hybrid.zero_index(c)])
+                    .map(|k| channel.predict(&reading, sizes, states, t, k).value)
                     .collect::<Vec<f64>>()
             })
         };
@@ -158,7 +162,11 @@ fn free_runs(
             ..*w
         })
         .collect();
-    let guesses = leads.iter().map(|w| first_guess(w.run, w.first)).collect();
+    let substeps = study.substeps_for(hybrid, theta);
+    let paths = study.hidden_paths(hybrid, theta, substeps);
+    let hidden = study.hidden_prior(hybrid, theta, &leads, &paths);
+    let guess = |(w, h): (&Window, &Vec<f64>)| [first_guess(w.run, w.first), h.clone()].concat();
+    let guesses = leads.iter().zip(&hidden.means).map(guess).collect();
     let noise = observations.channels.iter().map(|c| c.noise).collect();
     let fitted = fit(
         hybrid,
@@ -168,8 +176,9 @@ fn free_runs(
         theta.to_vec(),
         guesses,
         noise,
+        &hidden,
         &FitOptions {
-            substeps: study.substeps,
+            substeps,
             iterations: 10,
             state_iterations: 3,
         },
@@ -177,7 +186,7 @@ fn free_runs(
     let inputs: Vec<_> = observations
         .runs
         .iter()
-        .map(|run| hybrid.drive(&run.t, &run.u, study.substeps, theta, &[]))
+        .map(|run| hybrid.drive(&run.t, &run.u, substeps, theta, &[]))
         .collect();
     let mut roller = Roller::new(hybrid, &[]);
     windows

@@ -8,6 +8,7 @@ use super::curves::ResidualForce;
 use super::smooth::Smoothed;
 use super::study::{Fitted, Study};
 use super::verdict::Disagreement;
+use crate::hybrid::{Reading, State};
 use crate::shooting::ObservedRun;
 
 /// Number of quantile bins of the correlation ratio.
@@ -24,6 +25,7 @@ pub fn locate(
     let hybrid = &fitted.hybrid;
     let nv = hybrid.nv();
     let theta = &fitted.inside.theta;
+    let readings = hybrid.readings(theta, &[]);
     let coordinates = hybrid.mechanics().coordinates();
     let mut residuals: Vec<Vec<f64>> = vec![Vec::new(); nv];
     let mut noise_square = vec![0.0; nv];
@@ -40,7 +42,7 @@ pub fn locate(
         // Deviation of a local quadratic's or cubic's second derivative over 2 side + 1 samples of unit noise.
         let curvature_noise = (720.0 / (2.0 * side + 1.0).powi(5)).sqrt() / interval.powi(2);
         let lag = ((0.08 / interval.max(1e-12)) as usize).max(1);
-        let modelled = modelled_accelerations(fitted, run, smooth);
+        let modelled = modelled_accelerations(fitted, run, smooth, &readings);
         let kernel = kernel(side as usize);
         let mut reversal = vec![run.t[0]; nv];
         for k in 0..run.t.len().saturating_sub(1) {
@@ -54,7 +56,7 @@ pub fn locate(
             }
             let state = smooth.state(k);
             let q: Vec<f64> = (0..nv)
-                .map(|c| state[c] - theta[hybrid.zero_index(c)])
+                .map(|c| readings[c].position_of(state[c], state[nv + c]))
                 .collect();
             let model = averaged(&modelled, k, &kernel);
             let p = &theta[..hybrid.mechanics().parameters().len()];
@@ -124,19 +126,30 @@ pub fn locate(
 }
 
 /// v̇ of the model over every sample interval of a recording: the mean of both ends, at the smoothed states and the input held.
-fn modelled_accelerations(fitted: &Fitted, run: &ObservedRun, smooth: &Smoothed) -> Vec<Vec<f64>> {
+fn modelled_accelerations(
+    fitted: &Fitted,
+    run: &ObservedRun,
+    smooth: &Smoothed,
+    readings: &[Reading],
+) -> Vec<Vec<f64>> {
     let hybrid = &fitted.hybrid;
     let theta = &fitted.inside.theta;
     let nv = hybrid.nv();
     let inputs = hybrid.drive(&run.t, &run.u, 1, theta, &[]);
     let mut memory = hybrid.memory(&[]);
-    let mut at = |sample: usize, step: usize| -> Vec<f64> {
+    let read = |sample: usize| -> Vec<f64> {
         let mut state = smooth.state(sample);
-        for (c, q) in state[..nv].iter_mut().enumerate() {
-            *q -= theta[hybrid.zero_index(c)];
+        for (c, reading) in readings.iter().enumerate() {
+            state[c] = reading.position_of(state[c], state[nv + c]);
         }
+        state
+    };
+    let path = hybrid.hidden_path(theta, &inputs, &read);
+    let mut at = |sample: usize, step: usize| -> Vec<f64> {
+        let state = read(sample);
         let (q, v) = state.split_at(nv);
-        match hybrid.acceleration((q, v), theta, &inputs, step, &mut memory) {
+        let h = path.at(sample);
+        match hybrid.acceleration(State { q, v, h }, theta, &inputs, step, &mut memory) {
             Ok(()) => memory.acceleration.as_slice().to_vec(),
             Err(_) => (0..nv).map(|c| smooth.a[c][sample]).collect(),
         }

@@ -31,7 +31,7 @@ pub fn set_valued(study: &Study, fitted: &Fitted) -> Option<SmoothingError> {
     let inputs: Vec<_> = observations
         .runs
         .iter()
-        .map(|run| hybrid.drive(&run.t, &run.u, study.substeps, theta, &[]))
+        .map(|run| hybrid.drive(&run.t, &run.u, fitted.substeps, theta, &[]))
         .collect();
     let noise: Vec<f64> = observations.channels.iter().map(|c| c.noise).collect();
     compare(hybrid, theta, &inputs, &windows, &noise).ok()

@@ -7,12 +7,14 @@ const FLOOR: f64 = 0.7;
 
 /// Log-likelihood of each window under its own variance, l_w = −½ Σ_c n_cw ln(SSE_cw/n_cw + (0.7 σ_c)²).
 ///
-/// With one variance for all windows a few chaotic ones would own the sum. −∞ where the roll-out diverges.
+/// With one variance for all windows a few chaotic ones would own the sum. −∞ where the roll-out diverges. A hidden state that the
+/// window itself determines costs a nat (Akaike): half of that it gains by fitting noise, as much it would lose on new noise.
 pub fn window_scores(fit: &Fit, channels: &[Channel]) -> Vec<f64> {
     fit.squares
         .iter()
-        .map(|window| {
-            window
+        .zip(&fit.determined)
+        .map(|(window, determined)| {
+            let likelihood: f64 = window
                 .iter()
                 .zip(channels)
                 .filter(|((sum, n), _)| *n > 0 || sum.is_infinite())
@@ -20,7 +22,8 @@ pub fn window_scores(fit: &Fit, channels: &[Channel]) -> Vec<f64> {
                     let n = n.max(1) as f64;
                     -0.5 * n * (sum / n + (FLOOR * channel.noise).powi(2)).ln()
                 })
-                .sum()
+                .sum();
+            likelihood - determined
         })
         .collect()
 }

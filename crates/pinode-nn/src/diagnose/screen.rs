@@ -11,10 +11,10 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::candidate::Candidate;
-use crate::effect::Scales;
-use crate::hybrid::{DrivenInputs, Hybrid};
+use super::study::{Fitted, Study};
+use crate::hybrid::{DrivenInputs, HiddenPath, Hybrid, Placed, Reading};
 use crate::shooting::problem::Problem;
-use crate::shooting::{Accumulator, Fit, Observations, Roller, Trajectory, Window, fill_row};
+use crate::shooting::{Accumulator, Roller, Trajectory, Window};
 
 /// What the screen says of one candidate.
 #[derive(Debug, Clone, PartialEq)]
@@ -80,21 +80,83 @@ impl Column {
     }
 }
 
+/// A candidate a probe's step into the model.
+struct Probed {
+    hybrid: Hybrid,
+    theta: Vec<f64>,
+    inputs: Vec<DrivenInputs>,
+    readings: Vec<Reading>,
+    /// Where the recordings take its hidden states.
+    paths: Vec<HiddenPath>,
+    /// The states of the fitted model that it has too, by their place in h.
+    kept: Vec<Option<usize>>,
+}
+
+impl Probed {
+    fn new(study: &Study, fitted: &Fitted, column: &Column) -> Self {
+        let (hybrid, theta) =
+            column
+                .candidate
+                .place(&fitted.hybrid, &fitted.inside.theta, &column.perturbed);
+        let substeps = study.substeps_for(&hybrid, &theta);
+        let runs = study.observations.runs.iter();
+        Probed {
+            inputs: runs
+                .map(|run| hybrid.drive(&run.t, &run.u, substeps, &theta, &[]))
+                .collect(),
+            readings: hybrid.readings(&theta, &[]),
+            paths: study.hidden_paths(&hybrid, &theta, substeps),
+            kept: kept_states(&hybrid, &fitted.hybrid),
+            hybrid,
+            theta,
+        }
+    }
+
+    /// The initial state (q, v, h) of a window that starts at `state` in the fitted model.
+    fn start(&self, window: &Window, state: &[f64]) -> Vec<f64> {
+        let visible = self.hybrid.nx() - self.hybrid.nh();
+        let mut start = state[..visible].to_vec();
+        let found = self.kept.iter().enumerate();
+        start.extend(found.map(|(k, kept)| match kept {
+            Some(old) => state[visible + old],
+            None => self.paths[window.run].at(window.first)[k],
+        }));
+        start
+    }
+}
+
+/// For each of h of `new` its place in h of `old`.
+fn kept_states(new: &Hybrid, old: &Hybrid) -> Vec<Option<usize>> {
+    let mut kept = Vec::with_capacity(new.nh());
+    for (index, effect) in new.effects().iter().enumerate() {
+        let same = |e: &Placed| e.kind == effect.kind && e.target == effect.target;
+        let place = old.effects().iter().position(same);
+        let first = place.map(|k| old.state_range(k).start);
+        kept.extend((0..new.state_range(index).len()).map(|k| first.map(|first| first + k)));
+    }
+    kept
+}
+
 /// Screens all candidates at the fitted model.
-pub fn screen(
-    hybrid: &Hybrid,
-    fit: &Fit,
-    observations: &Observations,
-    windows: &[Window],
-    scales: &[Scales],
-    substeps: usize,
-) -> Screen {
-    let problem = Problem::new(hybrid, observations, windows, &fit.free, substeps);
+pub fn screen(study: &Study, fitted: &Fitted) -> Screen {
+    let (hybrid, fit) = (&fitted.hybrid, &fitted.inside);
+    let windows = &study.windows.fit;
+    let channels = &study.observations.channels;
+    let paths = study.hidden_paths(hybrid, &fit.theta, fitted.substeps);
+    let hidden = study.hidden_prior(hybrid, &fit.theta, windows, &paths);
+    let problem = Problem::new(
+        hybrid,
+        &study.observations,
+        windows,
+        &fit.free,
+        &hidden,
+        fitted.substeps,
+    );
     let columns: Vec<Column> = Candidate::all(hybrid)
         .into_iter()
         .flat_map(|candidate| {
             let contained = candidate.contained(hybrid, &fit.theta);
-            (candidate.kind.probes)(&candidate.scales(hybrid, scales), &contained)
+            (candidate.kind.probes)(&candidate.scales(hybrid, &study.scales), &contained)
                 .into_iter()
                 .map(move |probe| Column {
                     candidate,
@@ -103,77 +165,66 @@ pub fn screen(
                 })
         })
         .collect();
-    let probed: Vec<(Hybrid, Vec<f64>, Vec<DrivenInputs>)> = columns
-        .iter()
-        .map(|column| {
-            let (with, theta) = column
-                .candidate
-                .place(hybrid, &fit.theta, &column.perturbed);
-            let inputs = observations
-                .runs
-                .iter()
-                .map(|run| with.drive(&run.t, &run.u, substeps, &theta, &[]))
-                .collect();
-            (with, theta, inputs)
-        })
+    let probed: Vec<Probed> = columns
+        .par_iter()
+        .map(|column| Probed::new(study, fitted, column))
         .collect();
 
     let nuisances = fit.free.len();
     let total = nuisances + columns.len();
-    let nx = 2 * hybrid.nv();
+    let nx = hybrid.nx();
     let inputs = problem.drive(&fit.theta);
-    let zeros = problem.zeros(&fit.theta);
+    let readings = problem.readings(&fit.theta);
     let per_window: Vec<Option<(DMatrix<f64>, DVector<f64>)>> = windows
         .par_iter()
+        .enumerate()
         .zip(&fit.states)
-        .map(|(window, state)| {
+        .map(|((index, window), state)| {
             let span = (window.first, window.count);
+            let t = &study.observations.runs[window.run].t[window.first..][..window.count];
             let mut null = Trajectory::default();
             Roller::new(hybrid, &fit.free)
                 .roll_with_sensitivities(&fit.theta, &inputs[window.run], span, state, &mut null)
                 .ok()?;
-            // The change of the states by each probe; nothing where it diverges.
+            let residuals: Vec<_> = problem.residuals(window, &readings, &null.states).collect();
+            // The change of what is read by each probe; nothing where it diverges.
             let changes: Vec<Vec<f64>> = probed
                 .iter()
-                .map(|(with, theta, inputs)| {
+                .map(|with| {
                     let mut out = Trajectory::default();
-                    match Roller::new(with, &[]).roll(
-                        theta,
-                        &inputs[window.run],
+                    let start = with.start(window, state);
+                    let inputs = &with.inputs[window.run];
+                    let rolled = Roller::new(&with.hybrid, &[]).roll(
+                        &with.theta,
+                        inputs,
                         span,
-                        state,
+                        &start,
                         &mut out,
-                    ) {
-                        Ok(()) => out
-                            .states
-                            .iter()
-                            .zip(&null.states)
-                            .map(|(x, n)| x - n)
-                            .collect(),
-                        Err(_) => vec![0.0; null.states.len()],
+                    );
+                    if rolled.is_err() {
+                        return vec![0.0; residuals.len()];
                     }
+                    let sizes = (with.hybrid.nv(), with.hybrid.nx());
+                    let change = residuals.iter().map(|r| {
+                        let channel = &channels[r.channel];
+                        let reading = &with.readings[channel.coordinate];
+                        let there = channel.predict(reading, sizes, &out.states, t, r.sample);
+                        there.value - r.predicted.value
+                    });
+                    change.collect()
                 })
                 .collect();
             let mut normal = Accumulator::new(nx, total);
             let mut row = vec![0.0; nx + total];
-            for r in problem.residuals(window, &zeros, &null.states) {
+            for (i, r) in residuals.iter().enumerate() {
                 let scale = 1.0 / fit.sigma[r.channel];
-                let state = observations.channels[r.channel].state(nx / 2);
-                let zero = problem.zero_column[r.channel];
-                fill_row(
-                    &mut row[..nx + nuisances],
-                    &r,
-                    state,
-                    nx,
-                    scale,
-                    zero,
-                    &null,
-                );
+                problem.fill_row(&mut row[..nx + nuisances], r, &readings, scale, &null);
                 for (entry, change) in row[nx + nuisances..].iter_mut().zip(&changes) {
-                    *entry = change[r.sample * nx + state] * scale;
+                    *entry = change[i] * scale;
                 }
                 normal.add(&row, r.value * scale);
             }
+            problem.add_prior(index, state, &mut normal);
             let reduced = normal.finish().reduce()?;
             Some((reduced.s, reduced.g))
         })

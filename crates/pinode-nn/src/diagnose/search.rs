@@ -205,14 +205,7 @@ impl Path {
 }
 
 fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Report) -> Step {
-    let screen = screen(
-        &current.hybrid,
-        &current.inside,
-        &study.observations,
-        &study.windows.fit,
-        &study.scales,
-        study.substeps,
-    );
+    let screen = screen(study, current);
     let least = if first { LEAST_T2.0 } else { LEAST_T2.1 };
     let mut chosen: Vec<&Screened> = screen
         .ranked

@@ -1,8 +1,10 @@
 //! From observations to a fitted null model: windows, scales, integration step.
 
+use std::sync::Arc;
+
 use super::audit::median;
 use super::smooth::{Smoothed, smooth};
-use super::study::{Fitted, Start, Study};
+use super::study::{Fitted, MOST_SUBSTEPS, Start, Study};
 use crate::Error;
 use crate::effect::Scales;
 use crate::hybrid::Hybrid;
@@ -21,8 +23,6 @@ const COARSEST_STEP: f64 = 5e-3;
 const SAMPLES_PER_PERIOD: f64 = 24.0;
 /// The integration step is halved until that moves the roll-outs by less than this part of the noise.
 const STEP_ERROR: f64 = 0.3;
-/// At most so many integration steps per sample.
-const MOST_SUBSTEPS: usize = 64;
 
 /// All that the search needs.
 pub struct Prepared {
@@ -79,7 +79,7 @@ pub fn prepare(
         .iter()
         .map(|run| smooth(run, &wraps, half_width))
         .collect();
-    let scales = scales(&hybrid, &smoothed);
+    let scales = scales(&hybrid, &smoothed, &observations);
     let mut intervals: Vec<f64> = observations
         .runs
         .iter()
@@ -96,12 +96,15 @@ pub fn prepare(
     };
     let mut study = Study {
         scales,
+        smoothed: Arc::new(smoothed.clone()),
+        interval,
         substeps,
         observations,
         windows,
     };
     let start = Start {
         theta: hybrid.theta(),
+        hidden: Vec::new(),
         inside: guess(&study.windows.fit),
         outside: guess(&study.windows.held_out),
         sigma: study
@@ -173,7 +176,7 @@ fn dominant_frequency(observations: &Observations, coordinate: usize) -> f64 {
 }
 
 /// The scales of the motion, one a coordinate.
-fn scales(hybrid: &Hybrid, smoothed: &[Smoothed]) -> Vec<Scales> {
+fn scales(hybrid: &Hybrid, smoothed: &[Smoothed], observations: &Observations) -> Vec<Scales> {
     let nv = hybrid.nv();
     let mechanics = hybrid.mechanics();
     let theta = hybrid.theta();
@@ -192,6 +195,7 @@ fn scales(hybrid: &Hybrid, smoothed: &[Smoothed]) -> Vec<Scales> {
                 .collect();
             speed.sort_by(f64::total_cmp);
             let mut square = 0.0;
+            let mut entry = 0.0;
             let mut n = 0.0;
             for s in smoothed {
                 let stride = (s.q[c].len() / 500).max(1);
@@ -199,8 +203,17 @@ fn scales(hybrid: &Hybrid, smoothed: &[Smoothed]) -> Vec<Scales> {
                     let state = s.state(k);
                     mechanics.mass_matrix_into(&state[..nv], p, &mut work, &mut mass);
                     square += (mass[(c, c)] * s.a[c][k]).powi(2);
+                    entry += mass[(c, c)];
                     n += 1.0;
                 }
+            }
+            let own = (0..hybrid.inputs()).filter(|&i| hybrid.input_coordinates()[i] == c);
+            let inputs = own.flat_map(|i| observations.runs.iter().flat_map(move |run| &run.u[i]));
+            let (mut input, mut largest, mut count) = (0.0, 0.0_f64, 0.0);
+            for u in inputs {
+                input += u * u;
+                largest = largest.max(u.abs());
+                count += 1.0;
             }
             let positive = |x: f64| if x > 0.0 { x } else { 1.0 };
             Scales {
@@ -208,6 +221,9 @@ fn scales(hybrid: &Hybrid, smoothed: &[Smoothed]) -> Vec<Scales> {
                 reach: positive(0.5 * (high - low)),
                 speed: positive(speed.get(speed.len() * 19 / 20).copied().unwrap_or(0.0)),
                 force: positive((square / f64::max(n, 1.0)).sqrt()),
+                mass: positive(entry / f64::max(n, 1.0)),
+                input: (input / f64::max(count, 1.0)).sqrt(),
+                largest_input: largest,
             }
         })
         .collect()
@@ -218,7 +234,7 @@ fn scales(hybrid: &Hybrid, smoothed: &[Smoothed]) -> Vec<Scales> {
 fn step_error(study: &Study, null: &Fitted) -> f64 {
     let observations = &study.observations;
     let theta = &null.inside.theta;
-    let nv = null.hybrid.nv();
+    let nx = null.hybrid.nx();
     let drive = |substeps: usize| -> Vec<_> {
         observations
             .runs
@@ -226,7 +242,7 @@ fn step_error(study: &Study, null: &Fitted) -> f64 {
             .map(|run| null.hybrid.drive(&run.t, &run.u, substeps, theta, &[]))
             .collect()
     };
-    let (coarse, fine) = (drive(study.substeps), drive(2 * study.substeps));
+    let (coarse, fine) = (drive(null.substeps), drive(2 * null.substeps));
     let mut roller = Roller::new(&null.hybrid, &[]);
     let (mut a, mut b) = (Trajectory::default(), Trajectory::default());
     let mut errors: Vec<f64> = Vec::new();
@@ -240,9 +256,14 @@ fn step_error(study: &Study, null: &Fitted) -> f64 {
         }
         let mut worst = 0.0_f64;
         for channel in &observations.channels {
-            let x = channel.state(nv);
+            let place = channel.coordinate
+                + if channel.velocity {
+                    null.hybrid.nq()
+                } else {
+                    0
+                };
             for k in 0..window.count {
-                let d = a.states[k * 2 * nv + x] - b.states[k * 2 * nv + x];
+                let d = a.states[k * nx + place] - b.states[k * nx + place];
                 worst = worst.max(d.abs() / channel.noise);
             }
         }

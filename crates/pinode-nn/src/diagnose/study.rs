@@ -1,9 +1,17 @@
 //! The data under study, and models fitted to it.
 
+use std::sync::Arc;
+
 use super::score::{Paired, paired, samples_per_window, window_scores};
+use super::smooth::Smoothed;
 use crate::effect::Scales;
-use crate::hybrid::Hybrid;
-use crate::shooting::{Fit, FitOptions, Observations, Windows, fit};
+use crate::hybrid::{HiddenPath, Hybrid, Placed};
+use crate::shooting::{Fit, FitOptions, HiddenPrior, Observations, Window, Windows, fit};
+
+/// At most so many integration steps per sample.
+pub const MOST_SUBSTEPS: usize = 64;
+/// Longest integration step for effects with a memory, in units of their fastest rate.
+const RESOLVED: f64 = 1.0;
 
 /// The data under study.
 #[derive(Debug, Clone)]
@@ -14,6 +22,10 @@ pub struct Study {
     pub windows: Windows,
     /// The scales of the motion, one a coordinate.
     pub scales: Vec<Scales>,
+    /// The recordings, smoothed.
+    pub smoothed: Arc<Vec<Smoothed>>,
+    /// Typical time between two samples, s.
+    pub interval: f64,
     /// Integration steps per log sample.
     pub substeps: usize,
 }
@@ -31,6 +43,8 @@ pub struct Fitted {
     pub inside_scores: Vec<f64>,
     /// Score of each window held out.
     pub outside_scores: Vec<f64>,
+    /// Integration steps per log sample that it was fitted with.
+    pub substeps: usize,
 }
 
 /// From where a fit starts.
@@ -38,6 +52,8 @@ pub struct Fitted {
 pub struct Start {
     /// θ.
     pub theta: Vec<f64>,
+    /// The effects whose states, in this order, follow q and v in the initial states; those of others are found.
+    pub hidden: Vec<Placed>,
     /// Initial states of the seen windows.
     pub inside: Vec<Vec<f64>>,
     /// Initial states of the windows held out.
@@ -51,6 +67,7 @@ impl Fitted {
     pub fn start(&self, theta: Vec<f64>) -> Start {
         Start {
             theta,
+            hidden: self.hybrid.effects().to_vec(),
             inside: self.inside.states.clone(),
             outside: self.outside.states.clone(),
             sigma: self.inside.sigma.clone(),
@@ -125,6 +142,50 @@ impl Comparison {
 }
 
 impl Study {
+    /// Integration steps per log sample for a model at θ: more than else where an effect with a memory is fast.
+    pub fn substeps_for(&self, hybrid: &Hybrid, theta: &[f64]) -> usize {
+        let rate = hybrid.fastest_memory(theta, &self.scales);
+        let mut substeps = self.substeps;
+        while substeps < MOST_SUBSTEPS && self.interval * rate > RESOLVED * substeps as f64 {
+            substeps *= 2;
+        }
+        substeps
+    }
+
+    /// Where each recording takes the hidden states of a model.
+    pub fn hidden_paths(&self, hybrid: &Hybrid, theta: &[f64], substeps: usize) -> Vec<HiddenPath> {
+        if hybrid.nh() == 0 {
+            return vec![HiddenPath::default(); self.observations.runs.len()];
+        }
+        self.observations
+            .runs
+            .iter()
+            .zip(self.smoothed.iter())
+            .map(|(run, smoothed)| {
+                let inputs = hybrid.drive(&run.t, &run.u, substeps, theta, &[]);
+                hybrid.hidden_path(theta, &inputs, &|k| smoothed.state(k))
+            })
+            .collect()
+    }
+
+    /// What is known of hidden states at the start of windows.
+    pub fn hidden_prior(
+        &self,
+        hybrid: &Hybrid,
+        theta: &[f64],
+        windows: &[Window],
+        paths: &[HiddenPath],
+    ) -> HiddenPrior {
+        if hybrid.nh() == 0 {
+            return HiddenPrior::none(windows.len());
+        }
+        let mean = |w: &Window| paths[w.run].at(w.first).to_vec();
+        HiddenPrior {
+            means: windows.iter().map(mean).collect(),
+            spread: hybrid.hidden_spread(theta, &self.scales),
+        }
+    }
+
     /// Fits a model.
     pub fn fit(
         &self,
@@ -134,29 +195,37 @@ impl Study {
         iterations: usize,
     ) -> Fitted {
         let free = hybrid.free();
+        let substeps = self.substeps_for(&hybrid, &start.theta);
         let options = FitOptions {
-            substeps: self.substeps,
+            substeps,
             iterations,
             state_iterations,
         };
+        let paths = self.hidden_paths(&hybrid, &start.theta, substeps);
+        let prior =
+            |theta: &[f64], windows: &[Window]| self.hidden_prior(&hybrid, theta, windows, &paths);
+        let known = prior(&start.theta, &self.windows.fit);
         let inside = fit(
             &hybrid,
             &self.observations,
             &self.windows.fit,
             &free,
             start.theta,
-            start.inside,
+            with_hidden(&hybrid, &start.hidden, start.inside, &known),
             start.sigma,
+            &known,
             &options,
         );
+        let known = prior(&inside.theta, &self.windows.held_out);
         let outside = fit(
             &hybrid,
             &self.observations,
             &self.windows.held_out,
             &[],
             inside.theta.clone(),
-            start.outside,
+            with_hidden(&hybrid, &start.hidden, start.outside, &known),
             inside.sigma.clone(),
+            &known,
             &FitOptions {
                 iterations: iterations.min(10),
                 ..options
@@ -169,6 +238,40 @@ impl Study {
             hybrid,
             inside,
             outside,
+            substeps,
         }
     }
+}
+
+/// Initial states (q, v, h) for `hybrid` from those of a model with the effects `before`: what is new of h is taken from `known`.
+fn with_hidden(
+    hybrid: &Hybrid,
+    before: &[Placed],
+    states: Vec<Vec<f64>>,
+    known: &HiddenPrior,
+) -> Vec<Vec<f64>> {
+    if hybrid.nh() == 0 && before.iter().all(|effect| effect.kind.states() == 0) {
+        return states;
+    }
+    let visible = hybrid.nx() - hybrid.nh();
+    let old_place = |wanted: &Placed| -> Option<usize> {
+        let place = before
+            .iter()
+            .position(|e| e.kind == wanted.kind && e.target == wanted.target)?;
+        let states = before[..place].iter().map(|e| e.kind.states());
+        Some(visible + states.sum::<usize>())
+    };
+    states
+        .into_iter()
+        .zip(&known.means)
+        .map(|(state, mean)| {
+            let mut new = state[..visible].to_vec();
+            for (index, effect) in hybrid.effects().iter().enumerate() {
+                let own = hybrid.state_range(index);
+                let old = old_place(effect).and_then(|at| state.get(at..at + own.len()));
+                new.extend_from_slice(old.unwrap_or(&mean[own]));
+            }
+            new
+        })
+        .collect()
 }

@@ -9,7 +9,7 @@ use super::verdict::{
     Alternative, Evidence, FittedConstant, Name, NamedEffect, ParameterValue, Provenance,
     RefinedName, ScreenedName, SearchStep,
 };
-use crate::effect::{Action, default_smoothing};
+use crate::effect::{ActsOn, default_smoothing};
 use crate::hybrid::{ConstantId, Hybrid};
 use crate::model::{EffectEntry, Model, Revision, Target};
 
@@ -33,17 +33,16 @@ pub fn revision(model: &Model, search: &Search, provenance: &Provenance) -> Revi
         .iter()
         .enumerate()
         .map(|(index, placed)| {
-            let target = match placed.kind.action {
-                Action::Joint(_) => Target::Coordinate(placed.target),
-                Action::Drive(_) => Target::Input(placed.target),
+            let target = match placed.kind.acts_on() {
+                ActsOn::Joint | ActsOn::Sensor => Target::Coordinate(placed.target),
+                ActsOn::Input => Target::Input(placed.target),
             };
             let own = model
                 .effects
                 .iter()
                 .find(|e| e.kind == placed.kind && e.target == target);
             let range = hybrid.range(index);
-            let angular = matches!(placed.kind.action, Action::Joint(_))
-                && hybrid.mechanics().coordinates()[placed.target].angular;
+            let angular = hybrid.is_angular(placed.kind, placed.target);
             let entry = EffectEntry {
                 kind: placed.kind,
                 target,
@@ -128,8 +127,7 @@ pub fn effects(search: &Search, inputs: &[String]) -> Vec<NamedEffect> {
                 .effects()
                 .iter()
                 .position(|e| e.kind == candidate.kind && e.target == candidate.target)?;
-            let angular = matches!(candidate.kind.action, Action::Joint(_))
-                && hybrid.mechanics().coordinates()[candidate.target].angular;
+            let angular = hybrid.is_angular(candidate.kind, candidate.target);
             let parameters: BTreeMap<String, ParameterValue> = hybrid
                 .range(index)
                 .zip(candidate.kind.parameters)

@@ -40,20 +40,8 @@ pub static KIND: Kind = Kind {
     family: Family::Friction,
     summary: "constant force against the velocity, of different size each way",
     parameters: &[
-        ParameterSpec {
-            name: "force_positive",
-            quantity: Quantity::Force,
-            lower: 0.0,
-            upper: f64::INFINITY,
-            neutral: 0.0,
-        },
-        ParameterSpec {
-            name: "force_negative",
-            quantity: Quantity::Force,
-            lower: 0.0,
-            upper: f64::INFINITY,
-            neutral: 0.0,
-        },
+        ParameterSpec::new("force_positive", Quantity::Force, (0.0, f64::INFINITY), 0.0),
+        ParameterSpec::new("force_negative", Quantity::Force, (0.0, f64::INFINITY), 0.0),
     ],
     action: Action::Joint(&OnCoordinate(AsymmetricCoulomb)),
     contains: &["coulomb_friction"],

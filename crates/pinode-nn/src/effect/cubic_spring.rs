@@ -21,13 +21,12 @@ pub static KIND: Kind = Kind {
     name: "cubic_spring",
     family: Family::Conservative,
     summary: "force that grows with the cube of the displacement",
-    parameters: &[ParameterSpec {
-        name: "stiffness",
-        quantity: Quantity::CubicStiffness,
-        lower: f64::NEG_INFINITY,
-        upper: f64::INFINITY,
-        neutral: 0.0,
-    }],
+    parameters: &[ParameterSpec::new(
+        "stiffness",
+        Quantity::CubicStiffness,
+        (f64::NEG_INFINITY, f64::INFINITY),
+        0.0,
+    )],
     action: Action::Joint(&OnCoordinate(CubicSpring)),
     contains: &[],
     probes: |scales, _| {

@@ -22,6 +22,14 @@ impl Grid {
         Grid { bounds, substeps }
     }
 
+    /// Number of log samples.
+    pub fn samples(&self) -> usize {
+        match self.bounds.len() {
+            0 => 0,
+            n => (n - 1) / self.substeps + 1,
+        }
+    }
+
     /// Number of steps.
     pub fn steps(&self) -> usize {
         self.bounds.len().saturating_sub(1)

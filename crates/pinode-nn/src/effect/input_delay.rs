@@ -95,13 +95,7 @@ pub static KIND: Kind = Kind {
     name: "input_delay",
     family: Family::Drive,
     summary: "the input acts later than it is logged",
-    parameters: &[ParameterSpec {
-        name: "delay",
-        quantity: Quantity::Time,
-        lower: 0.0,
-        upper: 0.3,
-        neutral: 0.0,
-    }],
+    parameters: &[ParameterSpec::new("delay", Quantity::Time, (0.0, 0.3), 0.0)],
     action: Action::Drive(&Delay),
     contains: &[],
     probes: |_, _| {

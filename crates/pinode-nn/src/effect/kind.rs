@@ -1,6 +1,6 @@
 //! What the rest of the program knows of a kind of effect.
 
-use super::{DriveLaw, DryFriction, JointForce, RigidStop};
+use super::{Distortion, DriveLaw, DryFriction, JointForce, MemoryForce, RigidStop};
 
 /// A kind of effect: its name in model files, its parameters and what it does.
 #[derive(Clone, Copy)]
@@ -42,6 +42,12 @@ pub struct Scales {
     pub speed: f64,
     /// Generalized force that moves the coordinate, root mean square, N or N·m.
     pub force: f64,
+    /// Its own entry of the mass matrix, mean, kg or kg·m².
+    pub mass: f64,
+    /// The input as logged, root mean square; 0 for a joint without one.
+    pub input: f64,
+    /// The largest size of the input as logged.
+    pub largest_input: f64,
 }
 
 impl Scales {
@@ -64,7 +70,7 @@ impl Kind {
     pub fn dry(&self) -> Option<&'static dyn DryFriction> {
         match self.action {
             Action::Joint(law) => law.dry(),
-            Action::Drive(_) => None,
+            _ => None,
         }
     }
 
@@ -72,9 +78,48 @@ impl Kind {
     pub fn stop(&self) -> Option<&'static dyn RigidStop> {
         match self.action {
             Action::Joint(law) => law.stop(),
-            Action::Drive(_) => None,
+            _ => None,
         }
     }
+
+    /// What it sits on.
+    pub fn acts_on(&self) -> ActsOn {
+        match self.action {
+            Action::Joint(_) | Action::Memory(_) => ActsOn::Joint,
+            Action::Sensor(_) => ActsOn::Sensor,
+            Action::Drive(_) | Action::Transmission(_) => ActsOn::Input,
+        }
+    }
+
+    /// Its law with a memory, if it has one.
+    pub fn memory(&self) -> Option<&'static dyn MemoryForce> {
+        match self.action {
+            Action::Memory(law) | Action::Transmission(law) => Some(law),
+            _ => None,
+        }
+    }
+
+    /// Number of its states.
+    pub fn states(&self) -> usize {
+        self.memory().map_or(0, MemoryForce::states)
+    }
+
+    /// Whether it stands between an input and its joint.
+    pub fn is_transmission(&self) -> bool {
+        matches!(self.action, Action::Transmission(_))
+    }
+}
+
+/// What a kind of effect sits on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum ActsOn {
+    /// A coordinate that is a single number.
+    Joint,
+    /// The sensor of such a coordinate, which has its name.
+    Sensor,
+    /// An input.
+    Input,
 }
 
 /// Kinds are the same when their names are.
@@ -100,6 +145,12 @@ pub enum Family {
     Conservative,
     /// Between the input and the joint.
     Drive,
+    /// Of the acceleration.
+    Inertia,
+    /// Between the position and its reading.
+    Sensor,
+    /// Of the past of the motion.
+    Memory,
 }
 
 /// What a kind does.
@@ -110,6 +161,12 @@ pub enum Action {
     Joint(&'static dyn JointForce),
     /// Changes an input before it acts; its target is an input.
     Drive(&'static dyn DriveLaw),
+    /// Adds to one coordinate a generalized force with states of its own, or one of the force of its inputs; its target is a joint.
+    Memory(&'static dyn MemoryForce),
+    /// Stands between an input and its joint, with states of its own; its target is an input.
+    Transmission(&'static dyn MemoryForce),
+    /// Changes what is read of a position; its target is the sensor of a joint, which goes by the joint's name.
+    Sensor(Distortion),
 }
 
 /// One parameter of a kind.
@@ -126,9 +183,37 @@ pub struct ParameterSpec {
     /// The value at which the effect vanishes, or where a fit starts when it never does. An infinite one stands for a part of the
     /// effect that is not there: the parameter may be left out.
     pub neutral: f64,
+    /// What it is where a model file does not say; fits leave it alone. `None`: a file has to give it, and fits move it.
+    pub held: Option<f64>,
 }
 
 impl ParameterSpec {
+    /// A parameter that a model file has to give, and that fits move between `bounds`.
+    pub const fn new(
+        name: &'static str,
+        quantity: Quantity,
+        (lower, upper): (f64, f64),
+        neutral: f64,
+    ) -> Self {
+        ParameterSpec {
+            name,
+            quantity,
+            lower,
+            upper,
+            neutral,
+            held: None,
+        }
+    }
+
+    /// The same with a value that holds where a model file gives none, and that fits leave alone.
+    #[must_use]
+    pub const fn held_at(self, value: f64) -> Self {
+        ParameterSpec {
+            held: Some(value),
+            ..self
+        }
+    }
+
     /// Whether a model file may leave it out: it is then at its [`neutral`](Self::neutral) value, infinite, and no fit moves it.
     pub fn may_be_left_out(&self) -> bool {
         !self.neutral.is_finite()
@@ -155,6 +240,14 @@ pub enum Quantity {
     Velocity,
     /// s.
     Time,
+    /// kg or kg·m².
+    Inertia,
+    /// 1/m or 1/rad.
+    PerDisplacement,
+    /// Of an input as it is logged: no unit is known of it.
+    Input,
+    /// rad.
+    Angle,
     /// No unit.
     Ratio,
 }
@@ -177,8 +270,13 @@ impl Quantity {
             (Quantity::Displacement, true) => "rad",
             (Quantity::Velocity, false) => "m/s",
             (Quantity::Velocity, true) => "rad/s",
+            (Quantity::Inertia, false) => "kg",
+            (Quantity::Inertia, true) => "kg·m²",
+            (Quantity::PerDisplacement, false) => "1/m",
+            (Quantity::PerDisplacement, true) => "1/rad",
             (Quantity::Time, _) => "s",
-            (Quantity::Ratio, _) => "1",
+            (Quantity::Angle, _) => "rad",
+            (Quantity::Ratio | Quantity::Input, _) => "1",
         }
     }
 }

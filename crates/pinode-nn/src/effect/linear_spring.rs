@@ -21,20 +21,13 @@ pub static KIND: Kind = Kind {
     family: Family::Conservative,
     summary: "force towards a rest position, proportional to the distance",
     parameters: &[
-        ParameterSpec {
-            name: "stiffness",
-            quantity: Quantity::Stiffness,
-            lower: 0.0,
-            upper: f64::INFINITY,
-            neutral: 0.0,
-        },
-        ParameterSpec {
-            name: "rest",
-            quantity: Quantity::Displacement,
-            lower: f64::NEG_INFINITY,
-            upper: f64::INFINITY,
-            neutral: 0.0,
-        },
+        ParameterSpec::new("stiffness", Quantity::Stiffness, (0.0, f64::INFINITY), 0.0),
+        ParameterSpec::new(
+            "rest",
+            Quantity::Displacement,
+            (f64::NEG_INFINITY, f64::INFINITY),
+            0.0,
+        ),
     ],
     action: Action::Joint(&OnCoordinate(LinearSpring)),
     contains: &[],

@@ -3,33 +3,57 @@
 //! An effect is known (it stands in the model), found (the diagnosis put it there) or a candidate (the diagnosis tries it).
 //! Each kind is one file with its formula, its parameters and its derivatives, and one line in [`registry`].
 //!
-//! Two actions exist. A [`JointForce`] is a generalized force on one coordinate, a function of that coordinate's q and v.
-//! Where it is dry friction spread over a smoothing velocity it also has the set-valued law itself, [`DryFriction`];
-//! an end stop has the hard one that it is the compliance of, [`RigidStop`].
-//! A [`DriveLaw`] changes an input on its way to the joint: a causal pass over the whole input signal.
+//! There are five actions. A [`JointForce`] is a generalized force on one coordinate, a function of that coordinate's q and v.
+//! Where it is dry friction spread over a smoothing velocity it also has the set-valued law itself, [`DryFriction`]; an end stop has
+//! the hard one that it is the compliance of, [`RigidStop`].
+//! A [`MemoryForce`] has states of its own; on a joint it acts beside all else, as a transmission it stands between an input and its
+//! joint. A [`DriveLaw`] changes an input on its way: a causal pass over the whole input signal. A [`Distortion`] is a sensor's.
 
+mod distortion;
 mod drive;
 mod joint_force;
 mod kind;
+mod memory;
 pub mod registry;
 
+mod actuator_lag;
 mod asymmetric_coulomb_friction;
+mod asymmetric_viscous_friction;
+mod backlash;
 mod constant_force;
 mod coulomb_friction;
 mod cubic_spring;
+mod dahl_friction;
+mod elastic_transmission;
 mod end_stop;
+mod hysteresis;
+mod input_dead_zone;
 mod input_delay;
 mod input_gain_error;
+mod input_offset;
+mod input_saturation;
 mod linear_spring;
+mod load_dependent_friction;
+mod lugre_friction;
+mod periodic_force;
+mod pointwise;
+mod position_dependent_friction;
 mod quadratic_drag;
+mod sensor_delay;
+mod sensor_offset;
+mod sensor_scale;
 mod stribeck_friction;
 mod viscous_friction;
 
+pub use distortion::Distortion;
 pub use drive::{DriveLaw, Grid, Signal};
 pub use joint_force::{
     DryFriction, ForceLaw, JointForce, JointForceDerivatives, OnCoordinate, RigidStop, smooth_sign,
 };
-pub use kind::{Action, Family, Kind, ParameterSpec, Probe, Quantity, Scales};
+pub use kind::{Action, ActsOn, Family, Kind, ParameterSpec, Probe, Quantity, Scales};
+pub(crate) use memory::MOST_STATES;
+pub use memory::{MemoryDerivatives, MemoryForce, MemoryLaw, Seen, WithMemory};
+pub use pointwise::{Pointwise, PointwiseLaw};
 
 /// Velocity over which a sign change of friction is spread unless the model says otherwise: 3 mm/s, or 10 mrad/s on an angle.
 pub fn default_smoothing(angular: bool) -> f64 {

@@ -5,7 +5,7 @@ use integrators::event::{At, ContactSystem, Direction, Friction, Law};
 use lagrange::Coordinate;
 use nalgebra::DMatrix;
 
-use super::{DrivenInputs, Hybrid, Memory};
+use super::{DrivenInputs, Hybrid, Memory, State};
 use crate::effect::{DryFriction, JointForce};
 use crate::motion::{NotFree, Positions, check_free};
 use crate::shooting::Diverged;
@@ -65,6 +65,7 @@ impl<'a> HybridContacts<'a> {
         inputs: &'a DrivenInputs,
     ) -> Result<Self, NotFree> {
         check_free(hybrid.mechanics(), &theta[hybrid.mechanics_range()])?;
+        hybrid.check_without_memory()?;
         Ok(HybridContacts {
             hybrid,
             theta,
@@ -153,6 +154,17 @@ impl<'a> HybridContacts<'a> {
 }
 
 impl Hybrid {
+    /// Refuses effects with states of their own.
+    pub(crate) fn check_without_memory(&self) -> Result<(), NotFree> {
+        let remembers = |effect: &&super::Placed| effect.kind.states() > 0;
+        match self.effects.iter().find(remembers) {
+            None => Ok(()),
+            Some(effect) => Err(NotFree::Memory {
+                kind: effect.kind.name,
+            }),
+        }
+    }
+
     /// The dry effects: the coordinate, the law, the index among all effects.
     fn dry(&self) -> impl Iterator<Item = (usize, &'static dyn DryFriction, usize)> {
         let laws = self.effects.iter().enumerate();
@@ -193,7 +205,7 @@ impl ContactSystem for HybridContacts<'_> {
     type Error = Diverged;
 
     fn positions(&self) -> &Positions {
-        &self.hybrid.space.positions
+        &self.hybrid.space.first.positions
     }
 
     fn memory(&self) -> Memory {
@@ -212,7 +224,8 @@ impl ContactSystem for HybridContacts<'_> {
         let (hybrid, (q, v)) = (self.hybrid, state);
         let is_smooth =
             |law: &dyn JointForce| law.dry().is_none() && !(self.hard && law.stop().is_some());
-        hybrid.load_where(is_smooth, state, self.theta, self.inputs, *step, memory);
+        let parts = State { q, v, h: &[] };
+        hybrid.load_where(is_smooth, parts, self.theta, self.inputs, *step, memory);
         let p = &self.theta[hybrid.mechanics_range()];
         let Memory {
             work,

@@ -111,7 +111,7 @@ impl Hybrid {
         laws.filter(|(effect, _)| effect.target == input)
             .filter_map(|(effect, range)| match effect.kind.action {
                 Action::Drive(law) => law.delay(theta.get(range.clone())?),
-                Action::Joint(_) => None,
+                _ => None,
             })
             .sum()
     }

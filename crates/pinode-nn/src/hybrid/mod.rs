@@ -1,31 +1,36 @@
 //! The model that is simulated and fitted: known mechanics and every effect.
 //!
-//! M(q) v̇ = Σ_i B_i g_i ū_i + Σ_e Q_e(q, v; p_e) − C(q, v) v − G(q)
+//! M(q) v̇ = Σ_i B_i g_i ū_i + Σ_e Q_e(q, v, f, h; p_e) − C(q, v) v − G(q),  ḣ = Σ_e rate_e(q, v, f, h; p_e)
 //!
-//! ū_i is input i after the drive effects on it, g_i its gain, B_i picks its coordinate; Q_e are the effects that are forces.
+//! ū_i is input i after the drive effects on it, g_i its gain, B_i picks its coordinate, f = g ū; Q_e are the effects that are forces, h
+//! the states of those with a memory. A state of the model is x = (q, v, h), h effect after effect.
 //! What can be estimated is one vector θ of [`Constant`]s: the constants of the mechanics, the input gains, the zeros of the
 //! sensors, and the parameters of the effects, in this order.
 
 mod contacts;
 mod dynamics;
+mod hidden;
 mod jumps;
 mod motion;
+mod reading;
 
 use std::ops::Range;
 use std::sync::Arc;
 
-use integrators::{PhaseSpace, Space};
+use integrators::{Flat, PhaseSpace, Product, Space};
 use lagrange::{Mechanics, Role};
 
-use crate::effect::{Action, Grid, Kind, Signal, default_smoothing};
+use crate::effect::{Action, ActsOn, Grid, Kind, Signal, default_smoothing};
 use crate::entries::{Start, starts};
 use crate::model::{Model, Target};
 use crate::motion::Positions;
 
 pub use contacts::{HybridContacts, Touch};
 pub use dynamics::Memory;
+pub use hidden::HiddenPath;
 pub use jumps::HeldInputs;
 pub use motion::HybridMotion;
+pub use reading::{Predicted, Reading};
 
 /// One entry of θ.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,10 +65,21 @@ pub enum ConstantId {
 pub struct Placed {
     /// What it is.
     pub kind: &'static Kind,
-    /// The coordinate it sits on, or the input for an effect of the drive.
+    /// The coordinate it sits on (or whose sensor it sits on), or the input: see [`Kind::acts_on`].
     pub target: usize,
     /// Velocity over which a sign change of friction is spread, m/s or rad/s.
     pub smoothing: f64,
+}
+
+/// A state of the model, taken apart.
+#[derive(Debug, Clone, Copy)]
+pub struct State<'a> {
+    /// Positions, nq.
+    pub q: &'a [f64],
+    /// Velocities, nv.
+    pub v: &'a [f64],
+    /// States of the effects with a memory, nh.
+    pub h: &'a [f64],
 }
 
 /// Mechanics, inputs and effects, without the values of θ.
@@ -72,13 +88,17 @@ pub struct Hybrid {
     mechanics: Arc<dyn Mechanics>,
     /// Where each coordinate stands in q and in v.
     starts: Vec<Start>,
-    /// Where the states (q, v) live.
-    space: PhaseSpace<Positions>,
+    /// Where the states (q, v, h) live.
+    space: Product<PhaseSpace<Positions>, Flat>,
     /// The coordinate each input acts on.
     input_coordinates: Vec<usize>,
     effects: Vec<Placed>,
     /// Where the parameters of each effect lie in θ.
     ranges: Vec<Range<usize>>,
+    /// Where the states of each effect lie in h.
+    state_ranges: Vec<Range<usize>>,
+    /// Whether a transmission stands between an input and its joint.
+    carried: Vec<bool>,
     constants: Vec<Constant>,
     /// Factor on all smoothing velocities: halved to see whether a finding is numerical.
     smoothing_scale: f64,
@@ -134,10 +154,11 @@ impl Hybrid {
         let coordinates = model.inputs.iter().map(|input| input.coordinate).collect();
         let mut hybrid = Hybrid::new(mechanics, coordinates, constants);
         for entry in &model.effects {
-            let (target, angular) = match entry.target {
-                Target::Coordinate(c) => (c, hybrid.mechanics.coordinates()[c].angular),
-                Target::Input(i) => (i, false),
+            let target = match entry.target {
+                Target::Coordinate(c) => c,
+                Target::Input(i) => i,
             };
+            let angular = hybrid.is_angular(entry.kind, target);
             let placed = Placed {
                 kind: entry.kind,
                 target,
@@ -161,13 +182,18 @@ impl Hybrid {
         );
         Hybrid {
             starts: starts(mechanics.coordinates()),
-            space: PhaseSpace {
-                positions: Positions::new(mechanics.coordinates()),
+            space: Product {
+                first: PhaseSpace {
+                    positions: Positions::new(mechanics.coordinates()),
+                },
+                second: Flat::new(0),
             },
             mechanics,
+            carried: vec![false; input_coordinates.len()],
             input_coordinates,
             effects: Vec::new(),
             ranges: Vec::new(),
+            state_ranges: Vec::new(),
             constants,
             smoothing_scale: 1.0,
         }
@@ -184,12 +210,20 @@ impl Hybrid {
                 lower: spec.lower,
                 upper: spec.upper,
                 // What is left out does not come into being by a fit.
-                tolerance: if fixed || !value.is_finite() {
-                    0.0
-                } else {
-                    f64::INFINITY
+                tolerance: match fixed || spec.held.is_some() || !value.is_finite() {
+                    true => 0.0,
+                    false => f64::INFINITY,
                 },
             });
+        }
+        let first_state = self.nh();
+        let states = effect.kind.states();
+        self.space.second = Flat::new(first_state + states);
+        self.state_ranges.push(first_state..first_state + states);
+        if effect.kind.is_transmission()
+            && let Some(carried) = self.carried.get_mut(effect.target)
+        {
+            *carried = true;
         }
         self.effects.push(effect);
         self.ranges.push(first..self.constants.len());
@@ -200,6 +234,12 @@ impl Hybrid {
         let mut rest = Hybrid {
             effects: Vec::new(),
             ranges: Vec::new(),
+            state_ranges: Vec::new(),
+            carried: vec![false; self.carried.len()],
+            space: Product {
+                second: Flat::new(0),
+                ..self.space.clone()
+            },
             constants: self.constants[..self.base_len()].to_vec(),
             ..self.clone()
         };
@@ -233,12 +273,56 @@ impl Hybrid {
 
     /// Length of q: more than [`nv`](Self::nv) where a body floats.
     pub fn nq(&self) -> usize {
-        self.space.positions.dim()
+        self.space.first.positions.dim()
     }
 
     /// Degrees of freedom: as many as coordinates, unless a body floats.
     pub fn nv(&self) -> usize {
-        self.space.positions.tangent_dim()
+        self.space.first.positions.tangent_dim()
+    }
+
+    /// Number of states of effects with a memory.
+    pub fn nh(&self) -> usize {
+        self.space.second.dim()
+    }
+
+    /// Length of a state (q, v, h).
+    pub fn nx(&self) -> usize {
+        self.space.dim()
+    }
+
+    /// Directions of motion of a state: 2 nv + nh.
+    pub fn directions(&self) -> usize {
+        self.space.tangent_dim()
+    }
+
+    /// A state (q, v, h) taken apart.
+    pub fn parts<'a>(&self, x: &'a [f64]) -> State<'a> {
+        let (q, rest) = x.split_at(self.nq());
+        let (v, h) = rest.split_at(self.nv());
+        State { q, v, h }
+    }
+
+    /// The coordinate that an effect of this kind on this target moves or reads.
+    pub fn coordinate_of(&self, kind: &Kind, target: usize) -> usize {
+        match kind.acts_on() {
+            ActsOn::Joint | ActsOn::Sensor => target,
+            ActsOn::Input => self.input_coordinates[target],
+        }
+    }
+
+    /// Whether the quantities of an effect of this kind on this target are those of an angle.
+    pub fn is_angular(&self, kind: &Kind, target: usize) -> bool {
+        let own_units = !matches!(kind.action, Action::Drive(_));
+        own_units && self.mechanics.coordinates()[self.coordinate_of(kind, target)].angular
+    }
+
+    /// The name of what an effect sits on.
+    pub fn target_name<'a>(&'a self, kind: &Kind, target: usize, inputs: &'a [String]) -> &'a str {
+        match kind.acts_on() {
+            ActsOn::Joint | ActsOn::Sensor => &self.mechanics.coordinates()[target].name,
+            ActsOn::Input => &inputs[target],
+        }
     }
 
     /// Number of inputs.
@@ -254,6 +338,11 @@ impl Hybrid {
     /// The effects in place.
     pub fn effects(&self) -> &[Placed] {
         &self.effects
+    }
+
+    /// Where the states of effect `index` lie in h.
+    pub fn state_range(&self, index: usize) -> Range<usize> {
+        self.state_ranges[index].clone()
     }
 
     /// Where the parameters of effect `index` lie in θ.
@@ -306,10 +395,7 @@ impl Hybrid {
             }
             ConstantId::Effect(e, k) => {
                 let Placed { kind, target, .. } = self.effects[e];
-                let on = match kind.action {
-                    Action::Joint(_) => &self.mechanics.coordinates()[target].name,
-                    Action::Drive(_) => &inputs[target],
-                };
+                let on = self.target_name(kind, target, inputs);
                 format!("{} of {} on `{on}`", kind.parameters[k].name, kind.name)
             }
         }

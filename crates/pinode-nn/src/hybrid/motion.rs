@@ -1,14 +1,17 @@
-use integrators::{Differentiable, Gradient, Jacobian, Mechanical, PhaseSpace, System};
+use integrators::{
+    Differentiable, Flat, Gradient, Jacobian, Mechanical, PhaseSpace, Product, System,
+};
 
-use super::{DrivenInputs, Hybrid, Memory};
+use super::{DrivenInputs, Hybrid, Memory, State};
 use crate::motion::{Positions, not_separable};
 use crate::shooting::Diverged;
 
 /// The hybrid model at one θ under the inputs of one recording, as a system for `integrators`: its input is the number of an
 /// integration step in [`DrivenInputs::grid`].
 ///
-/// Derivatives are in the state and in θ_free; of the inputs there are none, whose gains and drives are in θ. As a mechanical system
-/// it is for mechanics without constraints and with T = ½ vᵀ M(q) v; friction and all other effects are forces in Q.
+/// States are (q, v, h), h those of the effects with a memory. Derivatives are in the state and in θ_free; of the inputs there are none, whose gains and drives are in θ. As a mechanical system
+/// it is for mechanics without constraints and with T = ½ vᵀ M(q) v, and without effects that have a memory; friction and all other
+/// effects are forces in Q.
 #[derive(Clone, Copy)]
 pub struct HybridMotion<'a> {
     hybrid: &'a Hybrid,
@@ -47,8 +50,16 @@ fn fault(x: &[f64]) -> impl FnOnce(lagrange::Error) -> Diverged {
     }
 }
 
+/// (v, v̇, ḣ).
+fn write_rate(state: State<'_>, memory: &Memory, dx: &mut [f64]) {
+    let n = state.v.len();
+    dx[..n].copy_from_slice(state.v);
+    dx[n..2 * n].copy_from_slice(memory.acceleration.as_slice());
+    dx[2 * n..].copy_from_slice(memory.rates.as_slice());
+}
+
 impl System for HybridMotion<'_> {
-    type Space = PhaseSpace<Positions>;
+    type Space = Product<PhaseSpace<Positions>, Flat>;
     type Input = usize;
     type Memory = Memory;
     type Error = Diverged;
@@ -61,7 +72,7 @@ impl System for HybridMotion<'_> {
         self.hybrid.memory(self.free)
     }
 
-    /// (v, v̇).
+    /// (v, v̇, ḣ).
     fn rate(
         &self,
         _t: f64,
@@ -70,13 +81,11 @@ impl System for HybridMotion<'_> {
         memory: &mut Memory,
         dx: &mut [f64],
     ) -> Result<(), Diverged> {
-        let state = x.split_at(self.hybrid.nq());
+        let state = self.hybrid.parts(x);
         self.hybrid
             .acceleration(state, self.theta, self.inputs, *step, memory)
             .map_err(fault(x))?;
-        let (dq, dv) = dx.split_at_mut(state.1.len());
-        dq.copy_from_slice(state.1);
-        dv.copy_from_slice(memory.acceleration.as_slice());
+        write_rate(state, memory, dx);
         Ok(())
     }
 }
@@ -85,20 +94,21 @@ impl Mechanical for HybridMotion<'_> {
     type Positions = Positions;
 
     fn positions(&self) -> &Positions {
-        &self.hybrid.space.positions
+        &self.hybrid.space.first.positions
     }
 
     fn acceleration(
         &self,
         _t: f64,
-        state: (&[f64], &[f64]),
+        (q, v): (&[f64], &[f64]),
         step: &usize,
         memory: &mut Memory,
         out: &mut [f64],
     ) -> Result<(), Diverged> {
+        let state = State { q, v, h: &[] };
         self.hybrid
             .acceleration(state, self.theta, self.inputs, *step, memory)
-            .map_err(fault(state.0))?;
+            .map_err(fault(q))?;
         out.copy_from_slice(memory.acceleration.as_slice());
         Ok(())
     }
@@ -132,8 +142,10 @@ impl Mechanical for HybridMotion<'_> {
         out: &mut [f64],
     ) -> Result<(), Diverged> {
         let (mechanics, p) = (self.hybrid.mechanics(), self.constants());
+        let (q, v) = state;
+        let h = &[];
         self.hybrid
-            .load(state, self.theta, self.inputs, *step, memory);
+            .load(State { q, v, h }, self.theta, self.inputs, *step, memory);
         out.copy_from_slice(memory.acceleration.as_slice());
         let Memory { momenta, work, .. } = memory;
         momenta.position_force(mechanics, self.positions(), state, p, work, out);
@@ -165,22 +177,23 @@ impl Differentiable for HybridMotion<'_> {
         dx: &mut [f64],
         by: &mut Jacobian,
     ) -> Result<(), Diverged> {
-        let state = x.split_at(self.hybrid.nq());
-        let n = state.1.len();
+        let state = self.hybrid.parts(x);
+        let n = state.v.len();
+        let directions = self.hybrid.directions();
         self.hybrid
             .linearize(state, self.theta, self.free, self.inputs, *step, memory)
             .map_err(fault(x))?;
-        dx[..n].copy_from_slice(state.1);
-        dx[n..].copy_from_slice(memory.acceleration.as_slice());
+        write_rate(state, memory, dx);
         by.state.rows_mut(0, n).fill(0.0);
         by.state.view_mut((0, n), (n, n)).fill_with_identity();
+        let below = directions - n;
         by.state
-            .rows_mut(n, n)
-            .copy_from(&memory.linear.columns(0, 2 * n));
+            .rows_mut(n, below)
+            .copy_from(&memory.linear.columns(0, directions));
         by.parameters.rows_mut(0, n).fill(0.0);
         by.parameters
-            .rows_mut(n, n)
-            .copy_from(&memory.linear.columns(2 * n, self.free.len()));
+            .rows_mut(n, below)
+            .copy_from(&memory.linear.columns(directions, self.free.len()));
         Ok(())
     }
 
@@ -192,10 +205,11 @@ impl Differentiable for HybridMotion<'_> {
         dx: &mut [f64],
         by: &mut Gradient,
     ) -> Result<(), Diverged> {
-        let state = x.split_at(self.hybrid.nq());
-        let n = state.1.len();
-        let (of_q, of_v) = weight.split_at(n);
-        let (by_q, by_v) = by.state.split_at_mut(n);
+        let state = self.hybrid.parts(x);
+        let n = state.v.len();
+        let (of_q, of_rates) = weight.split_at(n);
+        let (by_q, rest) = by.state.split_at_mut(n);
+        let (by_v, by_h) = rest.split_at_mut(n);
         for (to, w) in by_v.iter_mut().zip(of_q) {
             *to += w;
         }
@@ -206,13 +220,12 @@ impl Differentiable for HybridMotion<'_> {
                 self.free,
                 self.inputs,
                 *step,
-                of_v,
+                of_rates,
                 memory,
-                (by_q, by_v, &mut by.parameters),
+                (by_q, by_v, by_h, &mut by.parameters),
             )
             .map_err(fault(x))?;
-        dx[..n].copy_from_slice(state.1);
-        dx[n..].copy_from_slice(memory.acceleration.as_slice());
+        write_rate(state, memory, dx);
         Ok(())
     }
 }

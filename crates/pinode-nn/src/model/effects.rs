@@ -5,30 +5,14 @@ use lagrange::{Mechanics, Position, Problem};
 use super::document::{Faults, Section};
 use super::mechanism::{JointFriction, Mechanism, find_coordinate};
 use super::{EffectEntry, Input, Target};
-use crate::effect::{Action, Kind, RigidStop, registry};
+use crate::effect::{ActsOn, Kind, RigidStop, registry};
 use crate::naming::{hint, nearest, quoted};
 
 /// Kinds of the file format that this version cannot compute.
 const RESERVED: &[&str] = &[
-    "asymmetric_viscous_friction",
-    "load_dependent_friction",
-    "position_dependent_friction",
     "gravity_tilt",
-    "periodic_force",
-    "input_offset",
-    "actuator_lag",
-    "input_dead_zone",
-    "input_saturation",
-    "backlash",
-    "elastic_transmission",
     "added_mass",
     "reflected_inertia",
-    "sensor_offset",
-    "sensor_scale",
-    "sensor_delay",
-    "dahl_friction",
-    "lugre_friction",
-    "hysteresis",
     "neural_network",
 ];
 
@@ -55,6 +39,18 @@ pub(super) fn read(
                     effect.kind.name
                 ),
             );
+        } else if let Some((_, other)) = effects.iter().find(|(_, other)| {
+            other.target == effect.target
+                && other.kind.is_transmission()
+                && effect.kind.is_transmission()
+        }) {
+            faults.at(
+                table.offset,
+                format!(
+                    "{} and {} are both transmissions: an input has one",
+                    other.kind.name, effect.kind.name
+                ),
+            );
         }
         effects.push((table.offset, effect));
     }
@@ -68,11 +64,12 @@ fn read_one(
     faults: &mut Faults,
 ) -> Option<EffectEntry> {
     let kind = read_kind(table, faults)?;
-    let of_input = matches!(kind.action, Action::Drive(_));
+    let of_input = kind.acts_on() == ActsOn::Input;
     let target_key = if of_input { "input" } else { "joint" };
 
     let mut known = vec!["kind", target_key, "fixed"];
-    if !of_input {
+    let smoothed = kind.acts_on() == ActsOn::Joint;
+    if smoothed {
         known.push("smoothing");
     }
     known.extend(kind.parameters.iter().map(|p| p.name));
@@ -114,12 +111,14 @@ fn read_one(
                 index.map(Target::Input)
             }
         });
-    let angular = match target {
-        Some(Target::Coordinate(i)) => mechanism
-            .and_then(|m| m.mechanics.coordinates().get(i))
-            .is_some_and(|c| c.angular),
-        _ => false,
+    let coordinate = match target {
+        Some(Target::Coordinate(i)) => Some(i),
+        Some(Target::Input(i)) if kind.memory().is_some() => inputs.get(i).map(|i| i.coordinate),
+        _ => None,
     };
+    let angular = coordinate
+        .and_then(|i| mechanism?.mechanics.coordinates().get(i))
+        .is_some_and(|c| c.angular);
 
     let takes = || -> String {
         let list: Vec<String> = kind
@@ -146,8 +145,9 @@ fn read_one(
             (false, false) => "finite".to_owned(),
         };
         if table.get(spec.name).is_none() {
-            if spec.may_be_left_out() {
-                values.push(spec.neutral);
+            let unsaid = spec.may_be_left_out().then_some(spec.neutral);
+            if let Some(value) = spec.held.or(unsaid) {
+                values.push(value);
                 continue;
             }
             faults.at(
@@ -163,7 +163,7 @@ fn read_one(
         let within = |x: f64| (spec.lower..=spec.upper).contains(&x);
         values.extend(table.number_that(spec.name, &bounds, within, faults));
     }
-    let smoothing = if of_input {
+    let smoothing = if !smoothed {
         None
     } else {
         let positive = |x: f64| x > 0.0;

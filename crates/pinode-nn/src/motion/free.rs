@@ -55,6 +55,12 @@ pub enum NotFree {
         /// 4 T(q, v), J.
         four_times: f64,
     },
+    /// Effects have states of their own, which the method does not follow.
+    #[error("`{kind}` has states of its own, which this method does not follow: take rk4 or heun")]
+    Memory {
+        /// The kind of the first of them.
+        kind: &'static str,
+    },
 }
 
 /// Numbers in [0, 1), spread evenly.

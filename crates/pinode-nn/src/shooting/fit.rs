@@ -2,7 +2,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::problem::{Problem, Rolled};
+use super::problem::{HiddenPrior, Problem, Rolled};
 use super::{Channel, Observations, Window};
 use crate::hybrid::Hybrid;
 
@@ -38,6 +38,8 @@ pub struct Fit {
     pub loss: f64,
     /// The priors' part of it, Σ ½ ((θ − θ₀)/tolerance)²: how far the fit stretches the tolerances, nats.
     pub stretch: f64,
+    /// How many of the hidden states at its start each window determines by itself: what they gain it is no merit of θ.
+    pub determined: Vec<f64>,
     /// Whether the loss had stopped falling.
     pub converged: bool,
 }
@@ -124,7 +126,8 @@ const FIRST_DAMPING: f64 = 1e-6;
 
 /// Fits θ_free and the initial states to the windows, from the model's θ and the states given.
 ///
-/// `sigma` are the standard deviations to start with, one a channel; they are estimated anew with every step.
+/// `sigma` are the standard deviations to start with, one a channel; they are estimated anew with every step. `hidden` is what is known of
+/// the hidden part of the states.
 #[allow(clippy::too_many_arguments)]
 pub fn fit(
     hybrid: &Hybrid,
@@ -134,9 +137,19 @@ pub fn fit(
     mut theta: Vec<f64>,
     states: Vec<Vec<f64>>,
     mut sigma: Vec<f64>,
+    hidden: &HiddenPrior,
     options: &FitOptions,
 ) -> Fit {
-    let surroundings = |free| Problem::new(hybrid, observations, windows, free, options.substeps);
+    let surroundings = |free| {
+        Problem::new(
+            hybrid,
+            observations,
+            windows,
+            free,
+            hidden,
+            options.substeps,
+        )
+    };
     let problem = surroundings(free);
     let states_only = surroundings(&[]);
 
@@ -214,6 +227,10 @@ pub fn fit(
         states: now.into_iter().map(|w| w.state).collect(),
         sigma,
         information,
+        determined: reduced
+            .iter()
+            .map(|r| r.as_ref().map_or(0.0, |r| r.determined))
+            .collect(),
         gradients: reduced.into_iter().map(|r| r.map(|r| r.g)).collect(),
         loss,
         converged,

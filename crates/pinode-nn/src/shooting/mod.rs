@@ -11,9 +11,10 @@ mod roll;
 mod window;
 
 pub use fit::{Fit, FitOptions, fit};
-pub(crate) use normal::{Accumulator, fill_row};
+pub(crate) use normal::Accumulator;
 pub use normal::{Reduced, WindowNormal};
 pub use observation::{Channel, Observations, ObservedRun, wrap_angle};
+pub use problem::HiddenPrior;
 pub(crate) use roll::over_samples;
 pub use roll::{Diverged, Roller, Trajectory};
 pub use window::{Window, Windows, consecutive};

@@ -2,7 +2,8 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::{Channel, Trajectory};
+use super::Trajectory;
+use crate::hybrid::{Predicted, Reading};
 
 /// Residuals beyond this many standard deviations count linearly (Huber).
 const HUBER: f64 = 3.0;
@@ -23,6 +24,8 @@ pub struct WindowNormal {
     pub gl: DVector<f64>,
     /// g_g, P.
     pub gg: DVector<f64>,
+    /// Information of the priors on single entries of the initial state, nx; part of A.
+    pub prior: Vec<f64>,
 }
 
 /// A window's equations in θ_free alone: S = C − Bᵀ A⁻¹ B, g = g_g − Bᵀ A⁻¹ g_l.
@@ -36,40 +39,21 @@ pub struct Reduced {
     pub state_step: DVector<f64>,
     /// A⁻¹ B: how the initial state follows θ.
     pub state_by_theta: DMatrix<f64>,
+    /// How many of the states with a prior the window itself determines, between none and all of them.
+    pub determined: f64,
 }
 
 /// One residual with its place.
 #[derive(Debug, Clone, Copy)]
-pub struct Residual {
+pub(crate) struct Residual {
     /// Sample in the window.
     pub sample: usize,
     /// Channel.
     pub channel: usize,
     /// y − ŷ, in the channel's unit.
     pub value: f64,
-}
-
-/// The residuals of a window that count: `measured(channel, sample)` gives a valid measurement, `zeros` the sensor zero of each
-/// channel.
-pub fn residuals<'a>(
-    channels: &'a [Channel],
-    nv: usize,
-    count: usize,
-    zeros: &'a [f64],
-    states: &'a [f64],
-    measured: impl Fn(usize, usize) -> Option<f64> + 'a,
-) -> impl Iterator<Item = Residual> + 'a {
-    let nx = 2 * nv;
-    (0..count)
-        .flat_map(move |sample| (0..channels.len()).map(move |channel| (sample, channel)))
-        .filter_map(move |(sample, channel)| {
-            let simulated = states[sample * nx + channels[channel].state(nv)] + zeros[channel];
-            measured(channel, sample).map(|y| Residual {
-                sample,
-                channel,
-                value: channels[channel].difference(y, simulated),
-            })
-        })
+    /// ŷ, and what it depends on.
+    pub predicted: Predicted,
 }
 
 /// Huber's weight of a residual in standard deviations.
@@ -96,6 +80,7 @@ pub struct Accumulator {
     nx: usize,
     all: DMatrix<f64>,
     gradient: DVector<f64>,
+    prior: Vec<f64>,
 }
 
 impl Accumulator {
@@ -105,7 +90,16 @@ impl Accumulator {
             nx,
             all: DMatrix::zeros(nx + free, nx + free),
             gradient: DVector::zeros(nx + free),
+            prior: vec![0.0; nx],
         }
+    }
+
+    /// Adds what is known of entry `i` of the initial state: it is `r` standard deviations below its mean, and one of them is
+    /// 1/√`information`.
+    pub fn add_prior(&mut self, i: usize, information: f64, r: f64) {
+        self.all[(i, i)] += information;
+        self.gradient[i] += information.sqrt() * r;
+        self.prior[i] += information;
     }
 
     /// Adds one residual `r` in standard deviations, whose derivative −∂r in all columns is `row`.
@@ -131,29 +125,30 @@ impl Accumulator {
             c: self.all.view((nx, nx), (free, free)).into_owned(),
             gl: self.gradient.rows(0, nx).into_owned(),
             gg: self.gradient.rows(nx, free).into_owned(),
+            prior: self.prior,
         }
     }
 }
 
-/// The columns of ŷ/σ for one residual: its derivatives in the initial state and in θ_free. `zero_column` is the column of θ_free that
-/// shifts the channel.
-pub fn fill_row(
+/// The columns of ŷ/σ for one residual: its derivatives in the initial state and in θ_free.
+pub(crate) fn fill_row(
     row: &mut [f64],
     residual: &Residual,
-    state: usize,
-    nx: usize,
-    scale: f64,
-    zero_column: Option<usize>,
+    reading: &Reading,
+    position: bool,
+    (nx, scale): (usize, f64),
     trajectory: &Trajectory,
 ) {
     let columns = row.len();
-    let block = &trajectory.sensitivities[residual.sample * nx * columns..];
-    for (column, entry) in row.iter_mut().enumerate() {
-        *entry = block[column * nx + state] * scale;
+    row.fill(0.0);
+    let used = residual.predicted.terms.iter();
+    for &(sample, state, weight) in used.filter(|(.., weight)| *weight != 0.0) {
+        let block = &trajectory.sensitivities[sample * nx * columns..];
+        for (column, entry) in row.iter_mut().enumerate() {
+            *entry += weight * block[column * nx + state] * scale;
+        }
     }
-    if let Some(zero) = zero_column {
-        row[nx + zero] += scale;
-    }
+    reading.add_by_theta(&residual.predicted, scale, position, &mut row[nx..]);
 }
 
 impl WindowNormal {
@@ -173,6 +168,18 @@ impl WindowNormal {
         rhs.columns_mut(0, free).copy_from(&self.b);
         rhs.column_mut(free).copy_from(&self.gl);
         let solved = self.solve_a(&rhs)?;
+        let known: Vec<usize> = (0..nx).filter(|&i| self.prior[i] > 0.0).collect();
+        let mut determined = 0.0;
+        if !known.is_empty() {
+            let mut units = DMatrix::zeros(nx, known.len());
+            for (column, &i) in known.iter().enumerate() {
+                units[(i, column)] = 1.0;
+            }
+            let inverse = self.solve_a(&units)?;
+            for (column, &i) in known.iter().enumerate() {
+                determined += 1.0 - (self.prior[i] * inverse[(i, column)]).clamp(0.0, 1.0);
+            }
+        }
         let state_by_theta = solved.columns(0, free).into_owned();
         let state_step = solved.column(free).into_owned();
         Some(Reduced {
@@ -180,6 +187,7 @@ impl WindowNormal {
             g: &self.gg - self.b.transpose() * &state_step,
             state_step,
             state_by_theta,
+            determined,
         })
     }
 }

@@ -2,6 +2,8 @@
 
 use std::f64::consts::PI;
 
+use crate::hybrid::{Predicted, Reading};
+
 /// A measured quantity: a position, or a velocity measured on its own.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Channel {
@@ -16,9 +18,21 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// Index in the state (q, v) of a mechanism with `nv` coordinates.
-    pub fn state(&self, nv: usize) -> usize {
-        self.coordinate + if self.velocity { nv } else { 0 }
+    /// What the sensor reads of a roll-out at sample `k`: `states` of `nx` numbers each, of a mechanism with `nv` coordinates, at the
+    /// times `t`.
+    pub fn predict(
+        &self,
+        reading: &Reading,
+        (nv, nx): (usize, usize),
+        states: &[f64],
+        t: &[f64],
+        k: usize,
+    ) -> Predicted {
+        let places = (self.coordinate, nv + self.coordinate);
+        match self.velocity {
+            false => reading.position(places, nx, states, t, k),
+            true => reading.velocity(places, nx, states, t, k),
+        }
     }
 
     /// Measured less simulated, on the circle for an angle.

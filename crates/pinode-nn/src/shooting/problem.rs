@@ -3,9 +3,9 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::normal::{Accumulator, Residual, fill_row, huber_loss, residuals};
+use super::normal::{Accumulator, Residual, fill_row, huber_loss};
 use super::{Observations, Reduced, Roller, Trajectory, Window};
-use crate::hybrid::{DrivenInputs, Hybrid};
+use crate::hybrid::{DrivenInputs, Hybrid, Reading};
 
 /// The loss of a window whose roll-out diverges.
 const DIVERGED_LOSS: f64 = 1e9;
@@ -16,15 +16,50 @@ pub(crate) struct Rolled {
     pub state: Vec<f64>,
     /// Channel and y − ŷ of every valid measurement; none where the roll-out diverges.
     pub residuals: Option<Vec<(usize, f64)>>,
+    /// What the initial state costs by its prior: ½ Σ ((h − mean)/spread)².
+    pub prior: f64,
+}
+
+/// What is known of the states h of effects with a memory at the start of windows: means and standard deviations.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct HiddenPrior {
+    /// nh numbers a window.
+    pub means: Vec<Vec<f64>>,
+    /// nh numbers.
+    pub spread: Vec<f64>,
+}
+
+impl HiddenPrior {
+    /// Nothing is hidden in any of the windows.
+    pub fn none(windows: usize) -> Self {
+        HiddenPrior {
+            means: vec![Vec::new(); windows],
+            spread: Vec::new(),
+        }
+    }
+
+    /// (entry of h, 1/spread, (mean − h)/spread) for a window with these h.
+    fn of<'a>(
+        &'a self,
+        window: usize,
+        h: &'a [f64],
+    ) -> impl Iterator<Item = (usize, f64, f64)> + 'a {
+        let own = self.means[window].iter().zip(&self.spread).zip(h);
+        own.enumerate()
+            .map(|(i, ((mean, spread), h))| (i, 1.0 / spread, (mean - h) / spread))
+    }
 }
 
 impl Rolled {
     pub fn loss(&self, sigma: &[f64]) -> f64 {
         match &self.residuals {
-            Some(residuals) => residuals
-                .iter()
-                .map(|&(c, r)| huber_loss(r / sigma[c]))
-                .sum(),
+            Some(residuals) => {
+                residuals
+                    .iter()
+                    .map(|&(c, r)| huber_loss(r / sigma[c]))
+                    .sum::<f64>()
+                    + self.prior
+            }
             None => DIVERGED_LOSS,
         }
     }
@@ -49,8 +84,7 @@ pub(crate) struct Problem<'a> {
     pub observations: &'a Observations,
     pub windows: &'a [Window],
     pub free: &'a [usize],
-    /// For each channel the column of θ_free that is its zero.
-    pub zero_column: Vec<Option<usize>>,
+    pub hidden: &'a HiddenPrior,
     pub substeps: usize,
 }
 
@@ -60,6 +94,7 @@ impl<'a> Problem<'a> {
         observations: &'a Observations,
         windows: &'a [Window],
         free: &'a [usize],
+        hidden: &'a HiddenPrior,
         substeps: usize,
     ) -> Self {
         Problem {
@@ -67,7 +102,7 @@ impl<'a> Problem<'a> {
             observations,
             windows,
             free,
-            zero_column: zero_columns(hybrid, observations, free),
+            hidden,
             substeps,
         }
     }
@@ -83,38 +118,35 @@ impl<'a> Problem<'a> {
             .collect()
     }
 
-    pub fn zeros(&self, theta: &[f64]) -> Vec<f64> {
-        self.observations
-            .channels
-            .iter()
-            .map(|channel| {
-                if channel.velocity {
-                    0.0
-                } else {
-                    theta[self.hybrid.zero_index(channel.coordinate)]
-                }
-            })
-            .collect()
+    pub fn readings(&self, theta: &[f64]) -> Vec<Reading> {
+        self.hybrid.readings(theta, self.free)
     }
 
+    /// The residuals of a window that count.
     pub fn residuals<'b>(
         &'b self,
         window: &'b Window,
-        zeros: &'b [f64],
+        readings: &'b [Reading],
         states: &'b [f64],
     ) -> impl Iterator<Item = Residual> + 'b {
         let run = &self.observations.runs[window.run];
-        residuals(
-            &self.observations.channels,
-            self.hybrid.nv(),
-            window.count,
-            zeros,
-            states,
-            move |channel, sample| {
-                let k = window.first + sample;
-                run.valid[channel][k].then(|| run.y[channel][k])
-            },
-        )
+        let channels = &self.observations.channels;
+        let sizes = (self.hybrid.nv(), self.hybrid.nx());
+        let t = &run.t[window.first..window.first + window.count];
+        (0..window.count)
+            .flat_map(move |sample| (0..channels.len()).map(move |channel| (sample, channel)))
+            .filter(move |&(sample, channel)| run.valid[channel][window.first + sample])
+            .map(move |(sample, channel)| {
+                let own = &channels[channel];
+                let predicted = own.predict(&readings[own.coordinate], sizes, states, t, sample);
+                let measured = run.y[channel][window.first + sample];
+                Residual {
+                    sample,
+                    channel,
+                    value: own.difference(measured, predicted.value),
+                    predicted,
+                }
+            })
     }
 
     /// Reduced equations of all windows at (θ, states); `None` where they fail.
@@ -125,10 +157,11 @@ impl<'a> Problem<'a> {
         sigma: &[f64],
     ) -> Vec<Option<Reduced>> {
         let inputs = self.drive(theta);
-        let zeros = self.zeros(theta);
-        let nx = 2 * self.hybrid.nv();
+        let readings = self.readings(theta);
+        let nx = self.hybrid.nx();
         self.windows
             .par_iter()
+            .enumerate()
             .zip(present)
             .map_init(
                 || {
@@ -139,7 +172,7 @@ impl<'a> Problem<'a> {
                         row,
                     )
                 },
-                |(roller, trajectory, row), (window, present)| {
+                |(roller, trajectory, row), ((index, window), present)| {
                     roller
                         .roll_with_sensitivities(
                             theta,
@@ -150,30 +183,59 @@ impl<'a> Problem<'a> {
                         )
                         .ok()?;
                     let mut normal = Accumulator::new(nx, self.free.len());
-                    for r in self.residuals(window, &zeros, &trajectory.states) {
+                    for r in self.residuals(window, &readings, &trajectory.states) {
                         let scale = 1.0 / sigma[r.channel];
-                        let state = self.observations.channels[r.channel].state(nx / 2);
-                        let zero = self.zero_column[r.channel];
-                        fill_row(row, &r, state, nx, scale, zero, trajectory);
+                        self.fill_row(row, &r, &readings, scale, trajectory);
                         normal.add(row, r.value * scale);
                     }
+                    self.add_prior(index, &present.state, &mut normal);
                     normal.finish().reduce()
                 },
             )
             .collect()
     }
 
+    /// ∂ŷ/σ of one residual in the initial state and in θ_free.
+    pub fn fill_row(
+        &self,
+        row: &mut [f64],
+        residual: &Residual,
+        readings: &[Reading],
+        scale: f64,
+        trajectory: &Trajectory,
+    ) {
+        let channel = &self.observations.channels[residual.channel];
+        let reading = &readings[channel.coordinate];
+        let nx = self.hybrid.nx();
+        fill_row(
+            row,
+            residual,
+            reading,
+            !channel.velocity,
+            (nx, scale),
+            trajectory,
+        );
+    }
+
+    /// Adds what is known of the hidden part of the initial `state` of a window.
+    pub fn add_prior(&self, window: usize, state: &[f64], normal: &mut Accumulator) {
+        let first = self.hybrid.nx() - self.hybrid.nh();
+        for (i, weight, r) in self.hidden.of(window, &state[first..]) {
+            normal.add_prior(first + i, weight * weight, r);
+        }
+    }
+
     /// The roll-outs from the given initial states.
     pub fn rolled(&self, theta: &[f64], states: Vec<Vec<f64>>) -> Vec<Rolled> {
         let inputs = self.drive(theta);
-        let zeros = self.zeros(theta);
-        self.windows
-            .par_iter()
+        let readings = self.readings(theta);
+        (0..self.windows.len())
+            .into_par_iter()
             .zip(states)
             .map_init(
                 || (Roller::new(self.hybrid, &[]), Trajectory::default()),
                 |(roller, trajectory), (window, state)| {
-                    self.roll(roller, trajectory, theta, &inputs, &zeros, window, state)
+                    self.roll(roller, trajectory, theta, &inputs, &readings, window, state)
                 },
             )
             .collect()
@@ -189,9 +251,9 @@ impl<'a> Problem<'a> {
         sigma: &[f64],
     ) -> Vec<Rolled> {
         let inputs = self.drive(theta);
-        let zeros = self.zeros(theta);
-        self.windows
-            .par_iter()
+        let readings = self.readings(theta);
+        (0..self.windows.len())
+            .into_par_iter()
             .zip(present)
             .zip(steps)
             .map_init(
@@ -209,7 +271,7 @@ impl<'a> Problem<'a> {
                             *x += fraction * d;
                         }
                         let rolled =
-                            self.roll(roller, trajectory, theta, &inputs, &zeros, window, state);
+                            self.roll(roller, trajectory, theta, &inputs, &readings, window, state);
                         let loss = rolled.loss(sigma);
                         if best.as_ref().is_none_or(|(least, _)| loss < *least) {
                             best = Some((loss, rolled));
@@ -231,20 +293,27 @@ impl<'a> Problem<'a> {
         trajectory: &mut Trajectory,
         theta: &[f64],
         inputs: &[DrivenInputs],
-        zeros: &[f64],
-        window: &Window,
+        readings: &[Reading],
+        index: usize,
         state: Vec<f64>,
     ) -> Rolled {
+        let window = &self.windows[index];
         let span = (window.first, window.count);
         let residuals = roller
             .roll(theta, &inputs[window.run], span, &state, trajectory)
             .is_ok()
             .then(|| {
-                self.residuals(window, zeros, &trajectory.states)
+                self.residuals(window, readings, &trajectory.states)
                     .map(|r| (r.channel, r.value))
                     .collect()
             });
-        Rolled { state, residuals }
+        let hidden = &state[self.hybrid.nx() - self.hybrid.nh()..];
+        let prior = self.hidden.of(index, hidden);
+        Rolled {
+            prior: prior.map(|(.., r)| 0.5 * r * r).sum(),
+            residuals,
+            state,
+        }
     }
 
     /// Loss of the priors: Σ ½ ((θ − θ₀)/tolerance)².
@@ -281,20 +350,4 @@ impl<'a> Problem<'a> {
         }
         (s, g)
     }
-}
-
-/// For each channel the column of θ_free that is its zero.
-fn zero_columns(
-    hybrid: &Hybrid,
-    observations: &Observations,
-    free: &[usize],
-) -> Vec<Option<usize>> {
-    observations
-        .channels
-        .iter()
-        .map(|channel| {
-            let index = hybrid.zero_index(channel.coordinate);
-            free.iter().position(|&i| i == index && !channel.velocity)
-        })
-        .collect()
 }

@@ -52,15 +52,15 @@ impl From<StepError<Diverged>> for Diverged {
 /// States at the samples of a window, and their sensitivities when asked for.
 #[derive(Debug, Clone, Default)]
 pub struct Trajectory {
-    /// State (q, v) after state: sample k at `k * nx ..`, nx = nq + nv.
+    /// State (q, v, h) after state: sample k at `k * nx ..`, nx = nq + nv + nh.
     pub states: Vec<f64>,
-    /// ∂(q, v)_k/∂(initial state, θ_free): sample k at `k * nx * columns ..`, column after column.
+    /// ∂(q, v, h)_k/∂(initial state, θ_free): sample k at `k * nx * columns ..`, column after column.
     pub sensitivities: Vec<f64>,
 }
 
 /// Rolls out windows on one thread.
 ///
-/// With sensitivities the state x = (q, v) is integrated together with S = ∂x/∂(x₀, θ_free), Ṡ = (∂f/∂x) S + ∂f/∂θ. The same
+/// With sensitivities the state x = (q, v, h) is integrated together with S = ∂x/∂(x₀, θ_free), Ṡ = (∂f/∂x) S + ∂f/∂θ. The same
 /// Runge-Kutta steps on both make S the exact derivative of the discrete roll-out.
 pub struct Roller<'a> {
     hybrid: &'a Hybrid,
@@ -107,7 +107,7 @@ impl<'a> Roller<'a> {
 
     /// Columns of the sensitivities: the initial state, then θ_free.
     pub fn columns(&self) -> usize {
-        2 * self.hybrid.nv() + self.free.len()
+        self.hybrid.directions() + self.free.len()
     }
 
     /// States at `count` samples from sample `first` on, starting at `initial`.
@@ -216,17 +216,19 @@ impl System for WithSensitivities<'_> {
         dx: &mut [f64],
     ) -> Result<(), Diverged> {
         let n = self.hybrid.nv();
-        let nx = 2 * n;
-        let (q, v) = x[..nx].split_at(n);
+        let nx = self.hybrid.nx();
+        let state = self.hybrid.parts(&x[..nx]);
         self.hybrid
-            .linearize((q, v), self.theta, self.free, self.inputs, *step, memory)
+            .linearize(state, self.theta, self.free, self.inputs, *step, memory)
             .map_err(Diverged::Dynamics)?;
-        dx[..n].copy_from_slice(v);
-        dx[n..nx].copy_from_slice(memory.acceleration.as_slice());
+        dx[..n].copy_from_slice(state.v);
+        dx[n..2 * n].copy_from_slice(memory.acceleration.as_slice());
+        dx[2 * n..nx].copy_from_slice(memory.rates.as_slice());
+        let below = nx - n;
         let pairs = x[nx..].chunks_exact(nx).zip(dx[nx..].chunks_exact_mut(nx));
         for (column, (s, ds)) in pairs.enumerate() {
-            ds[..n].copy_from_slice(&s[n..]);
-            for i in 0..n {
+            ds[..n].copy_from_slice(&s[n..2 * n]);
+            for i in 0..below {
                 let mut rate = if column < nx {
                     0.0
                 } else {

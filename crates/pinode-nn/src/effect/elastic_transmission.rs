@@ -1,0 +1,75 @@
+//! Elastic transmission: a motor of its own inertia that pulls the joint by a spring and a damper,
+//!
+//! J v̇_m = f − T,  ė = v_m − v,  T = k e + d (v_m − v),  Q = T,
+//!
+//! e the stretch, v_m the motor's velocity, seen at the joint; f the force of the input, which acts on the motor. k in N/m or N·m/rad, d in
+//! N·s/m or N·m·s/rad, J in kg or kg·m². The motor's inertia is not part of the mechanism: a model whose masses have it already moves
+//! too much. Below a few milliseconds a stiff string, a lag and a delay look alike.
+
+use lagrange::Scalar;
+
+use super::{Action, Family, Kind, MemoryLaw, ParameterSpec, Probe, Quantity, Seen, WithMemory};
+
+struct Elastic;
+
+/// T.
+fn pull<D: Scalar>(seen: &Seen<'_, D>, p: &[D]) -> D {
+    p[0] * seen.h[0] + p[1] * (seen.h[1] - seen.v)
+}
+
+impl MemoryLaw for Elastic {
+    fn states(&self) -> usize {
+        2
+    }
+    fn force<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64) -> D {
+        pull(seen, p)
+    }
+    fn rate<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64, rate: &mut [D]) {
+        rate[0] = seen.h[1] - seen.v;
+        rate[1] = (seen.f - pull(seen, p)) / p[2];
+    }
+    fn at_rest(&self, _q: f64, f: f64, p: &[f64], h: &mut [f64]) {
+        h[0] = f / p[0];
+        h[1] = 0.0;
+    }
+    fn spread(&self, force: f64, speed: f64, p: &[f64], spread: &mut [f64]) {
+        spread[0] = force / p[0];
+        spread[1] = (force / (p[0] * p[2]).sqrt()).min(speed);
+    }
+    fn fastest(&self, _speed: f64, mass: f64, p: &[f64]) -> f64 {
+        let inverse = 1.0 / p[2] + 1.0 / mass;
+        (p[0] * inverse).sqrt().max(p[1] * inverse)
+    }
+}
+
+/// The kind `elastic_transmission`.
+pub static KIND: Kind = Kind {
+    name: "elastic_transmission",
+    family: Family::Drive,
+    summary: "the input moves a motor that pulls the joint by a spring",
+    parameters: &[
+        ParameterSpec::new("stiffness", Quantity::Stiffness, (1e-3, 1e7), 1e5),
+        ParameterSpec::new("damping", Quantity::Damping, (0.0, 1e5), 0.0),
+        ParameterSpec::new(
+            "motor_inertia",
+            Quantity::Inertia,
+            (1e-9, f64::INFINITY),
+            1e-6,
+        ),
+    ],
+    action: Action::Transmission(&WithMemory(Elastic)),
+    contains: &[],
+    probes: |scales, _| {
+        let inertia = 0.1 * scales.mass;
+        [40.0, 120.0]
+            .map(|frequency: f64| {
+                let stiffness = frequency * frequency * inertia;
+                let damping = 0.4 * frequency * inertia;
+                Probe {
+                    neutral: vec![100.0 * stiffness, damping, 1e-3 * inertia],
+                    perturbed: vec![stiffness, damping, inertia],
+                }
+            })
+            .to_vec()
+    },
+};

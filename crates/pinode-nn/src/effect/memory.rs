@@ -1,0 +1,190 @@
+//! Forces with a memory: states of their own that go on with the motion, with exact derivatives.
+//!
+//! Q_j = force(q_j, v_j, f, h; p),  ḣ = rate(q_j, v_j, f, h; p)
+//!
+//! h are the states of the effect, f the force of the inputs. On a joint, f is the sum of what the inputs put on it, which acts beside
+//! Q_j. A transmission stands between one input and its joint: f is the force of that input, which acts on the joint no more: Q_j does.
+
+use lagrange::Scalar;
+use num_dual::Dual64;
+
+/// What a law with a memory sees of the world.
+#[derive(Debug, Clone, Copy)]
+pub struct Seen<'a, D> {
+    /// Position of the joint, m or rad.
+    pub q: D,
+    /// Its velocity, m/s or rad/s.
+    pub v: D,
+    /// Force of the inputs, N or N·m.
+    pub f: D,
+    /// The states of the effect.
+    pub h: &'a [D],
+}
+
+/// A law with a memory, written over the scalar.
+pub trait MemoryLaw: Send + Sync + 'static {
+    /// Number of states h; may be none for a law that only needs f.
+    fn states(&self) -> usize;
+
+    /// Q_j, N or N·m. `smoothing` is the velocity over which a sign change of friction is spread, m/s or rad/s.
+    fn force<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], smoothing: f64) -> D;
+
+    /// ḣ, into `rate`, as long as there are states.
+    fn rate<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], smoothing: f64, rate: &mut [D]);
+
+    /// h after a long time at rest in (q, 0) under f, into `h`.
+    fn at_rest(&self, q: f64, f: f64, p: &[f64], h: &mut [f64]);
+
+    /// By how much h may differ at the start of a window from where a pass over the whole recording puts it: standard deviations, into
+    /// `spread`, for forces of the size `force` and speeds of the size `speed`.
+    fn spread(&self, force: f64, speed: f64, p: &[f64], spread: &mut [f64]);
+
+    /// The fastest rate by which h settles or swings at speeds of the size `speed`, 1/s, for a body of `mass` kg or kg·m²: what the
+    /// integration step must resolve.
+    fn fastest(&self, speed: f64, mass: f64, p: &[f64]) -> f64;
+}
+
+/// A [`MemoryLaw`] behind a pointer.
+pub trait MemoryForce: Send + Sync {
+    /// See [`MemoryLaw::states`].
+    fn states(&self) -> usize;
+    /// Q_j, and ḣ into `rate`.
+    fn evaluate(&self, seen: &Seen<'_, f64>, p: &[f64], smoothing: f64, rate: &mut [f64]) -> f64;
+    /// Q_j and ḣ, row after row, and their derivatives.
+    fn derivatives(
+        &self,
+        seen: &Seen<'_, f64>,
+        p: &[f64],
+        smoothing: f64,
+        out: &mut MemoryDerivatives,
+    );
+    /// See [`MemoryLaw::at_rest`].
+    fn at_rest(&self, q: f64, f: f64, p: &[f64], h: &mut [f64]);
+    /// See [`MemoryLaw::spread`].
+    fn spread(&self, force: f64, speed: f64, p: &[f64], spread: &mut [f64]);
+    /// See [`MemoryLaw::fastest`].
+    fn fastest(&self, speed: f64, mass: f64, p: &[f64]) -> f64;
+}
+
+/// Makes a [`MemoryForce`] of a [`MemoryLaw`]: derivatives by dual numbers.
+pub struct WithMemory<L>(pub L);
+
+/// No law has more states.
+pub const MOST_STATES: usize = 4;
+/// No law has more parameters.
+pub(super) const MOST_PARAMETERS: usize = 8;
+const ROWS: usize = 1 + MOST_STATES;
+const COLUMNS: usize = 3 + MOST_STATES + MOST_PARAMETERS;
+
+/// Values and derivatives of a [`MemoryForce`]: row 0 is Q_j, row 1 + i is ḣ_i.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MemoryDerivatives {
+    states: usize,
+    value: [f64; ROWS],
+    by: [[f64; COLUMNS]; ROWS],
+}
+
+impl Default for MemoryDerivatives {
+    fn default() -> Self {
+        MemoryDerivatives {
+            states: 0,
+            value: [0.0; ROWS],
+            by: [[0.0; COLUMNS]; ROWS],
+        }
+    }
+}
+
+impl MemoryDerivatives {
+    /// Q_j for row 0, ḣ_i for row 1 + i.
+    pub fn value(&self, row: usize) -> f64 {
+        self.value[row]
+    }
+    /// By q_j.
+    pub fn by_q(&self, row: usize) -> f64 {
+        self.by[row][0]
+    }
+    /// By v_j.
+    pub fn by_v(&self, row: usize) -> f64 {
+        self.by[row][1]
+    }
+    /// By f.
+    pub fn by_f(&self, row: usize) -> f64 {
+        self.by[row][2]
+    }
+    /// By each of h.
+    pub fn by_h(&self, row: usize) -> &[f64] {
+        &self.by[row][3..3 + self.states]
+    }
+    /// By each parameter.
+    pub fn by_p(&self, row: usize) -> &[f64] {
+        &self.by[row][3 + self.states..]
+    }
+}
+
+/// Splits q, v, f, h … and p … into what a law takes.
+fn call<L: MemoryLaw, D: Scalar>(law: &L, arguments: &[D], smoothing: f64, rate: &mut [D]) -> D {
+    let states = law.states();
+    let (h, p) = arguments[3..].split_at(states);
+    let seen = Seen {
+        q: arguments[0],
+        v: arguments[1],
+        f: arguments[2],
+        h,
+    };
+    law.rate(&seen, p, smoothing, &mut rate[..states]);
+    law.force(&seen, p, smoothing)
+}
+
+impl<L: MemoryLaw> MemoryForce for WithMemory<L> {
+    fn states(&self) -> usize {
+        self.0.states()
+    }
+
+    fn evaluate(&self, seen: &Seen<'_, f64>, p: &[f64], smoothing: f64, rate: &mut [f64]) -> f64 {
+        self.0.rate(seen, p, smoothing, rate);
+        self.0.force(seen, p, smoothing)
+    }
+
+    fn derivatives(
+        &self,
+        seen: &Seen<'_, f64>,
+        p: &[f64],
+        smoothing: f64,
+        out: &mut MemoryDerivatives,
+    ) {
+        let states = self.0.states();
+        let columns = 3 + states + p.len();
+        let zero = Dual64::from(0.0);
+        let mut arguments = [zero; COLUMNS];
+        let values = [seen.q, seen.v, seen.f].into_iter();
+        let values = values
+            .chain(seen.h.iter().copied())
+            .chain(p.iter().copied());
+        for (argument, value) in arguments.iter_mut().zip(values) {
+            argument.re = value;
+        }
+        out.states = states;
+        let mut rate = [zero; MOST_STATES];
+        for column in 0..columns {
+            arguments[column].eps = 1.0;
+            let force = call(&self.0, &arguments[..columns], smoothing, &mut rate);
+            arguments[column].eps = 0.0;
+            for (row, dual) in std::iter::once(&force).chain(&rate[..states]).enumerate() {
+                out.value[row] = dual.re;
+                out.by[row][column] = dual.eps;
+            }
+        }
+    }
+
+    fn at_rest(&self, q: f64, f: f64, p: &[f64], h: &mut [f64]) {
+        self.0.at_rest(q, f, p, h);
+    }
+
+    fn spread(&self, force: f64, speed: f64, p: &[f64], spread: &mut [f64]) {
+        self.0.spread(force, speed, p, spread);
+    }
+
+    fn fastest(&self, speed: f64, mass: f64, p: &[f64]) -> f64 {
+        self.0.fastest(speed, mass, p)
+    }
+}

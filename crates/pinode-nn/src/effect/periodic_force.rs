@@ -1,0 +1,51 @@
+//! Force that repeats along the way: Q = A sin(2π q/λ + φ).
+//!
+//! A in N or N·m, period λ in m or rad, phase φ in rad: the cogging of a motor, the teeth of a belt, an eccentric pulley. Periodic in the
+//! position, not in time.
+
+use std::f64::consts::TAU;
+
+use lagrange::Scalar;
+
+use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Probe, Quantity};
+
+struct Periodic;
+
+impl ForceLaw for Periodic {
+    fn force<D: Scalar>(&self, q: D, _v: D, p: &[D], _smoothing: f64) -> D {
+        p[0] * (q / p[1] * TAU + p[2]).sin()
+    }
+}
+
+/// Periods that a screen tries, in units of the range of the motion, each a fifth shorter than the one before: within the range of a fit.
+const PERIODS: usize = 16;
+
+/// The kind `periodic_force`.
+pub static KIND: Kind = Kind {
+    name: "periodic_force",
+    family: Family::Conservative,
+    summary: "force that repeats along the way",
+    parameters: &[
+        ParameterSpec::new("amplitude", Quantity::Force, (0.0, f64::INFINITY), 0.0),
+        ParameterSpec::new("period", Quantity::Displacement, (1e-6, f64::INFINITY), 0.1),
+        ParameterSpec::new("phase", Quantity::Angle, (-1e3, 1e3), 0.0),
+    ],
+    action: Action::Joint(&OnCoordinate(Periodic)),
+    contains: &[],
+    probes: |scales, _| {
+        let d = scales.small_force();
+        let periods = (0..PERIODS).map(|k| 1.2 * scales.reach * 0.8_f64.powi(k as i32));
+        periods
+            .flat_map(|period| {
+                [0.0, 0.25, 0.5, 0.75].map(|turn| {
+                    // The phase is that in the middle of the motion.
+                    let phase = (turn - scales.centre / period).rem_euclid(1.0) * TAU;
+                    Probe {
+                        neutral: vec![0.0, period, phase],
+                        perturbed: vec![d, period, phase],
+                    }
+                })
+            })
+            .collect()
+    },
+};

@@ -1,0 +1,194 @@
+//! Where a recorded motion takes the states of the effects with a memory.
+
+use super::{DrivenInputs, Hybrid, State};
+use crate::effect::{MOST_STATES, MemoryForce, Scales, Seen};
+
+/// Longest step of a pass, in units of the fastest rate.
+const RESOLVED: f64 = 0.5;
+/// At most so many steps of a pass in one integration step of the model.
+const MOST_STEPS: usize = 256;
+
+/// h along a recording.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct HiddenPath {
+    nh: usize,
+    values: Vec<f64>,
+}
+
+impl HiddenPath {
+    /// h at sample `k`, nh numbers.
+    pub fn at(&self, k: usize) -> &[f64] {
+        &self.values[self.nh * k..self.nh * (k + 1)]
+    }
+}
+
+impl Hybrid {
+    /// The states that the effects with a memory have after a long rest at the state (q, v), under the inputs of integration step
+    /// `step`.
+    pub fn hidden_at_rest(
+        &self,
+        (q, v): (&[f64], &[f64]),
+        theta: &[f64],
+        inputs: &DrivenInputs,
+        step: usize,
+    ) -> Vec<f64> {
+        let mut h = vec![0.0; self.nh()];
+        let mut memory = self.memory(&[]);
+        for (index, effect) in self.effects.iter().enumerate() {
+            let Some(law) = effect.kind.memory() else {
+                continue;
+            };
+            let zeros = vec![0.0; self.nh()];
+            let state = State { q, v, h: &zeros };
+            if step < inputs.grid.steps() {
+                self.load(state, theta, inputs, step, &mut memory);
+                let (_, seen, range) = self.seen(index, state, inputs, step, &memory.driven);
+                let p = &theta[self.ranges[index].clone()];
+                law.at_rest(seen.q, seen.f, p, &mut h[range]);
+            }
+        }
+        h
+    }
+
+    /// h along a recording under `inputs`, when q and v go as `motion` has them, (q, v) a sample, linear in between. Each effect is
+    /// taken by itself, and starts at rest.
+    pub fn hidden_path(
+        &self,
+        theta: &[f64],
+        inputs: &DrivenInputs,
+        motion: &dyn Fn(usize) -> Vec<f64>,
+    ) -> HiddenPath {
+        let nh = self.nh();
+        let samples = inputs.grid.samples();
+        let mut path = HiddenPath {
+            nh,
+            values: vec![0.0; nh * samples],
+        };
+        if nh == 0 || samples == 0 {
+            return path;
+        }
+        let states: Vec<Vec<f64>> = (0..samples).map(motion).collect();
+        let first = self.parts_without_memory(&states[0]);
+        let start = self.hidden_at_rest((first.q, first.v), theta, inputs, 0);
+        path.values[..nh].copy_from_slice(&start);
+        let mut memory = self.memory(&[]);
+        for (index, effect) in self.effects.iter().enumerate() {
+            let Some(law) = effect.kind.memory() else {
+                continue;
+            };
+            let own = self.state_range(index);
+            let p = &theta[self.range(index)];
+            let smoothing = effect.smoothing * self.smoothing_scale;
+            let mut h = [0.0; MOST_STATES];
+            let h = &mut h[..own.len()];
+            h.copy_from_slice(&start[own.clone()]);
+            for sample in 0..samples - 1 {
+                let (a, b) = (&states[sample], &states[sample + 1]);
+                let substeps = inputs.grid.substeps;
+                for sub in 0..substeps {
+                    let step = sample * substeps + sub;
+                    let from = sub as f64 / substeps as f64;
+                    let width = 1.0 / substeps as f64;
+                    let duration = inputs.grid.bounds[step + 1] - inputs.grid.bounds[step];
+                    // The force does not depend on where in the step it is.
+                    let zeros = [0.0; MOST_STATES];
+                    let state = self.parts_without_memory(a);
+                    let whole = vec![0.0; nh];
+                    let loaded = State { h: &whole, ..state };
+                    self.load(loaded, theta, inputs, step, &mut memory);
+                    let (at, seen, _) = self.seen(index, loaded, inputs, step, &memory.driven);
+                    let ends = |s: f64| {
+                        let mix = |x: &[f64], y: &[f64], i: usize| x[i] + s * (y[i] - x[i]);
+                        let to = self.parts_without_memory(b);
+                        Seen {
+                            q: mix(state.q, to.q, at.q),
+                            v: mix(state.v, to.v, at.v),
+                            f: seen.f,
+                            h: &zeros[..own.len()],
+                        }
+                    };
+                    let speed = ends(from).v.abs().max(ends(from + width).v.abs());
+                    let rate = law.fastest(speed, f64::INFINITY, p);
+                    let steps = (duration * rate / RESOLVED).ceil();
+                    let steps = if steps.is_finite() { steps as usize } else { 1 };
+                    let steps = steps.clamp(1, MOST_STEPS);
+                    for k in 0..steps {
+                        let s = |x: f64| from + width * (k as f64 + x) / steps as f64;
+                        let dt = duration / steps as f64;
+                        advance(law, &|x| ends(s(x)), p, smoothing, dt, h);
+                    }
+                }
+                let to = nh * (sample + 1) + own.start;
+                path.values[to..to + own.len()].copy_from_slice(h);
+            }
+        }
+        path
+    }
+
+    /// Standard deviations of h at the start of a window about a [path](Self::hidden_path): one a state.
+    pub fn hidden_spread(&self, theta: &[f64], scales: &[Scales]) -> Vec<f64> {
+        let mut spread = vec![0.0; self.nh()];
+        for (index, effect) in self.effects.iter().enumerate() {
+            if let Some(law) = effect.kind.memory() {
+                let scale = &scales[self.coordinate_of(effect.kind, effect.target)];
+                let p = &theta[self.range(index)];
+                let own = &mut spread[self.state_range(index)];
+                law.spread(scale.force, scale.speed, p, own);
+            }
+        }
+        spread
+    }
+
+    /// The fastest rate of the effects with a memory, 1/s.
+    pub fn fastest_memory(&self, theta: &[f64], scales: &[Scales]) -> f64 {
+        let effects = self.effects.iter().enumerate();
+        effects
+            .filter_map(|(index, effect)| {
+                let scale = &scales[self.coordinate_of(effect.kind, effect.target)];
+                let law = effect.kind.memory()?;
+                Some(law.fastest(scale.speed, scale.mass, &theta[self.range(index)]))
+            })
+            .fold(0.0, f64::max)
+    }
+
+    /// (q, v) of a state that may lack its h.
+    fn parts_without_memory<'a>(&self, x: &'a [f64]) -> State<'a> {
+        let (q, rest) = x.split_at(self.nq());
+        State {
+            q,
+            v: &rest[..self.nv()],
+            h: &[],
+        }
+    }
+}
+
+/// One step of classical Runge-Kutta of h; `seen` gives q, v and f at a fraction of the step.
+fn advance<'a>(
+    law: &dyn MemoryForce,
+    seen: &dyn Fn(f64) -> Seen<'a, f64>,
+    p: &[f64],
+    smoothing: f64,
+    dt: f64,
+    h: &mut [f64],
+) {
+    let n = h.len();
+    let mut sum = [0.0; MOST_STATES];
+    let mut rate = [0.0; MOST_STATES];
+    for (fraction, weight) in [(0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)] {
+        let mut at = [0.0; MOST_STATES];
+        for i in 0..n {
+            at[i] = h[i] + fraction * dt * rate[i];
+        }
+        let now = Seen {
+            h: &at[..n],
+            ..seen(fraction)
+        };
+        law.evaluate(&now, p, smoothing, &mut rate[..n]);
+        for i in 0..n {
+            sum[i] += weight * rate[i];
+        }
+    }
+    for i in 0..n {
+        h[i] += dt / 6.0 * sum[i];
+    }
+}

@@ -1,0 +1,215 @@
+//! What the sensors of the model read: y(t) = offset + factor q(t − delay).
+
+use super::Hybrid;
+use crate::effect::{Action, Distortion};
+
+/// The reading of one coordinate's sensor, with its derivatives.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reading {
+    /// Added to positions, m or rad.
+    pub offset: f64,
+    /// Multiplies positions and velocities.
+    pub factor: f64,
+    /// Age of what is read, s.
+    pub delay: f64,
+    /// Column of θ_free, what it changes, and by how much: ∂offset, ∂factor or ∂delay.
+    columns: Vec<(usize, Distortion, f64)>,
+}
+
+/// A measurement that the model predicts, linear in the states at one or two samples.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Predicted {
+    /// The reading.
+    pub value: f64,
+    /// (sample, index in q or v, weight): ∂reading/∂state.
+    pub terms: [(usize, usize, f64); 4],
+    /// q(t − delay), or v.
+    pub undistorted: f64,
+    /// Its rate.
+    pub slope: f64,
+}
+
+impl Hybrid {
+    /// The reading of coordinate `c` at θ.
+    pub fn reading(&self, c: usize, theta: &[f64], free: &[usize]) -> Reading {
+        let column = |index: usize| free.binary_search(&index).ok();
+        let zero = self.zero_index(c);
+        let mut reading = Reading {
+            offset: theta[zero],
+            factor: 1.0,
+            delay: 0.0,
+            columns: Vec::new(),
+        };
+        let zero = column(zero).map(|k| (k, Distortion::Offset, 1.0));
+        reading.columns.extend(zero);
+        for (effect, range) in self.effects.iter().zip(&self.ranges) {
+            let Action::Sensor(distortion) = effect.kind.action else {
+                continue;
+            };
+            if effect.target != c {
+                continue;
+            }
+            let value = theta[range.start];
+            match distortion {
+                Distortion::Offset => reading.offset += value,
+                Distortion::Delay => reading.delay += value,
+                Distortion::Scale => {
+                    for (_, other, by) in &mut reading.columns {
+                        if *other == Distortion::Scale {
+                            *by *= 1.0 + value;
+                        }
+                    }
+                    reading.factor *= 1.0 + value;
+                }
+            }
+            let by = match distortion {
+                Distortion::Scale => reading.factor / (1.0 + value),
+                _ => 1.0,
+            };
+            let own = column(range.start).map(|k| (k, distortion, by));
+            reading.columns.extend(own);
+        }
+        reading
+    }
+
+    /// The readings of all coordinates.
+    pub fn readings(&self, theta: &[f64], free: &[usize]) -> Vec<Reading> {
+        (0..self.starts.len())
+            .map(|c| self.reading(c, theta, free))
+            .collect()
+    }
+}
+
+impl Reading {
+    /// What is read at sample `k` of a roll-out: `q` and `v` are the places of position and velocity in its states of `nx` numbers
+    /// each, `t` its times. Between samples a cubic through positions and velocities; before the first sample, the acceleration of
+    /// the first interval.
+    pub fn position(
+        &self,
+        (q, v): (usize, usize),
+        nx: usize,
+        states: &[f64],
+        t: &[f64],
+        k: usize,
+    ) -> Predicted {
+        let terms = self.terms((q, v), t, k, false);
+        let rate = self.terms((q, v), t, k, true);
+        self.predict(terms, rate, nx, states, self.offset)
+    }
+
+    /// The same for a velocity that is measured.
+    pub fn velocity(
+        &self,
+        (q, v): (usize, usize),
+        nx: usize,
+        states: &[f64],
+        t: &[f64],
+        k: usize,
+    ) -> Predicted {
+        let terms = match self.delay {
+            0.0 => [(k, v, 1.0), (k, v, 0.0), (k, v, 0.0), (k, v, 0.0)],
+            _ => self.terms((q, v), t, k, true),
+        };
+        let (a, b) = if k == 0 { (0, 1) } else { (k - 1, k) };
+        let h = match t {
+            [] | [_] => f64::INFINITY,
+            _ => t[b.min(t.len() - 1)] - t[a],
+        };
+        let b = b.min(t.len().saturating_sub(1));
+        let rate = [(a, v, -1.0 / h), (b, v, 1.0 / h), (a, v, 0.0), (a, v, 0.0)];
+        self.predict(terms, rate, nx, states, 0.0)
+    }
+
+    /// The position behind a reading `y` that changes with the rate `rate`.
+    pub fn position_of(&self, y: f64, rate: f64) -> f64 {
+        (y - self.offset + rate * self.delay) / self.factor
+    }
+
+    fn predict(
+        &self,
+        terms: [(usize, usize, f64); 4],
+        rate: [(usize, usize, f64); 4],
+        nx: usize,
+        states: &[f64],
+        offset: f64,
+    ) -> Predicted {
+        let sum = |terms: &[(usize, usize, f64); 4]| -> f64 {
+            let used = terms.iter().filter(|(.., weight)| *weight != 0.0);
+            used.map(|(k, i, weight)| weight * states[k * nx + i]).sum()
+        };
+        let undistorted = sum(&terms);
+        Predicted {
+            value: offset + self.factor * undistorted,
+            terms: terms.map(|(k, i, weight)| (k, i, self.factor * weight)),
+            undistorted,
+            slope: sum(&rate),
+        }
+    }
+
+    /// q(t_k − delay), or its rate, in terms of the states at samples.
+    fn terms(
+        &self,
+        (q, v): (usize, usize),
+        t: &[f64],
+        k: usize,
+        rate: bool,
+    ) -> [(usize, usize, f64); 4] {
+        let now = if rate { v } else { q };
+        let there = [(k, now, 1.0), (k, now, 0.0), (k, now, 0.0), (k, now, 0.0)];
+        if self.delay == 0.0 || t.len() < 2 {
+            return there;
+        }
+        let time = t[k] - self.delay;
+        let last = t.len() - 2;
+        let a = (0..=last.min(k)).rev().find(|&a| t[a] <= time).unwrap_or(0);
+        let h = t[a + 1] - t[a];
+        let x = time - t[a];
+        if x < 0.0 {
+            // q₀ + v₀ x + ½ x² (v₁ − v₀)/h
+            return match rate {
+                false => [
+                    (0, q, 1.0),
+                    (0, v, x - 0.5 * x * x / h),
+                    (1, v, 0.5 * x * x / h),
+                    (0, q, 0.0),
+                ],
+                true => [(0, v, 1.0 - x / h), (1, v, x / h), (0, q, 0.0), (0, q, 0.0)],
+            };
+        }
+        let s = x / h;
+        let weights = match rate {
+            false => [
+                (1.0 + 2.0 * s) * (1.0 - s).powi(2),
+                h * s * (1.0 - s).powi(2),
+                s * s * (3.0 - 2.0 * s),
+                h * s * s * (s - 1.0),
+            ],
+            true => [
+                6.0 * s * (s - 1.0) / h,
+                (1.0 - s) * (1.0 - 3.0 * s),
+                6.0 * s * (1.0 - s) / h,
+                s * (3.0 * s - 2.0),
+            ],
+        };
+        [
+            (a, q, weights[0]),
+            (a, v, weights[1]),
+            (a + 1, q, weights[2]),
+            (a + 1, v, weights[3]),
+        ]
+    }
+
+    /// Adds `scale` ∂reading/∂θ_free to `row`, θ_free's part of it; `position`: of a position, that has an offset.
+    pub fn add_by_theta(&self, predicted: &Predicted, scale: f64, position: bool, row: &mut [f64]) {
+        for &(column, distortion, by) in &self.columns {
+            row[column] += scale
+                * by
+                * match distortion {
+                    Distortion::Offset if position => 1.0,
+                    Distortion::Offset => 0.0,
+                    Distortion::Scale => predicted.undistorted,
+                    Distortion::Delay => -self.factor * predicted.slope,
+                };
+        }
+    }
+}
