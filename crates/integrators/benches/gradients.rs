@@ -1,22 +1,25 @@
 //! Roll-outs, their gradients and ensembles: `cargo bench -p integrators --bench gradients`.
 //!
-//! The names are those of the rows in BENCHMARKS.md.
+//! The names are those of the rows in BENCHMARKS.md. What is measured is the time of the thread's processor.
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a bench may stop
 #![allow(missing_docs)] // of what criterion's macros write
 
+#[path = "../../lagrange/benches/support/cpu_time.rs"]
+mod cpu_time;
 #[path = "../tests/systems/mod.rs"]
 mod systems;
 
 use std::convert::Infallible;
 use std::time::Duration;
 
+use cpu_time::CpuTime;
 use criterion::{Criterion, criterion_group, criterion_main};
 use integrators::ensemble::{LANES, LaneMember, LaneSystem, Member, roll_outs, roll_outs_in_lanes};
 use integrators::gradient::{Adjoint, Column, RollOutGradient, Schedule, Sensitivity};
 use integrators::{Differentiable, Rk4, System, roll_out};
 use systems::{Kepler, Pendulum, Top};
 
-fn gradients(criterion: &mut Criterion) {
+fn gradients(criterion: &mut Criterion<CpuTime>) {
     for steps in [1_000, 100_000] {
         let swing = [1.2, 0.0];
         of(
@@ -36,7 +39,7 @@ fn gradients(criterion: &mut Criterion) {
 
 /// The roll-out over ten samples, the gradient of a loss of all of them, and the derivatives in the initial state and the constants.
 fn of<S: Differentiable>(
-    criterion: &mut Criterion,
+    criterion: &mut Criterion<CpuTime>,
     name: &str,
     system: &S,
     input: S::Input,
@@ -118,7 +121,7 @@ impl LaneSystem for Kepler {
 }
 
 /// 64 orbits of 1000 steps on one thread, one at a time and eight at a time.
-fn ensembles(criterion: &mut Criterion) {
+fn ensembles(criterion: &mut Criterion<CpuTime>) {
     let kepler = Kepler::new();
     let times: Vec<f64> = (0..=10).map(|k| 0.1 * f64::from(k)).collect();
     let inputs = [[0.0; 2]; 10];
@@ -147,6 +150,7 @@ fn ensembles(criterion: &mut Criterion) {
         .collect();
     let one_thread = rayon::ThreadPoolBuilder::new()
         .num_threads(1)
+        .use_current_thread() // where the clock is
         .build()
         .unwrap();
     let mut group = criterion.benchmark_group("64 orbits");
@@ -166,5 +170,9 @@ fn ensembles(criterion: &mut Criterion) {
     let _: &integrators::Flat = kepler.space();
 }
 
-criterion_group!(benches, gradients, ensembles);
+criterion_group! {
+    name = benches;
+    config = Criterion::default().with_measurement(CpuTime);
+    targets = gradients, ensembles
+}
 criterion_main!(benches);

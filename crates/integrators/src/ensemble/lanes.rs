@@ -1,5 +1,6 @@
 //! Eight roll-outs in the lanes of the processor's vectors.
 
+use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
@@ -349,6 +350,10 @@ impl<P: Space> Space for LaneSpace<'_, P> {
     }
     fn is_flat(&self) -> bool {
         self.space.is_flat()
+    }
+    fn curved(&self) -> Range<usize> {
+        let of_one = self.space.curved();
+        of_one.start * LANES..of_one.end * LANES
     }
     fn move_into(&self, point: &[f64], motion: &[f64], out: &mut [f64]) {
         self.lane_by_lane((point, motion), out, P::move_into);

@@ -175,14 +175,21 @@ impl Variational {
         }
         let (motion, work) = (&self.motion, &mut self.work);
         let mut apply = |x: &[f64], y: &mut [f64]| space.cobracket_into(motion, x, y);
+        let curved = space.curved();
         sum(
             &BERNOULLI,
-            &self.of_velocity,
+            (&self.of_velocity, curved.clone()),
             work,
             &mut self.residual,
             &mut apply,
         );
-        sum(&LOGISTIC, &self.force, work, &mut self.carried, &mut apply);
+        sum(
+            &LOGISTIC,
+            (&self.force, curved),
+            work,
+            &mut self.carried,
+            &mut apply,
+        );
         for (p, f) in self.residual.iter_mut().zip(&self.carried) {
             *p += side * h * f;
         }

@@ -5,7 +5,7 @@ use crate::{Differentiable, Jacobian, Space, System};
 /// A system that records where its rate is asked for, in the order of the calls: a method then steps as ever, to the bit.
 pub(crate) struct Recorded<'a, S>(pub &'a S);
 
-/// The memory of the system, and the record: for every call the state and, where space is not flat, the rate.
+/// The memory of the system, and the record: for every call the state and, of the rate, the curved directions.
 pub(crate) struct Tape<M> {
     pub memory: M,
     pub record: Vec<f64>,
@@ -37,11 +37,7 @@ pub(crate) fn before_calls<P: Space>(space: &P) -> usize {
 
 /// Numbers that one call leaves.
 pub(crate) fn numbers_per_call<P: Space>(space: &P) -> usize {
-    if space.is_flat() {
-        space.dim()
-    } else {
-        space.dim() + space.tangent_dim()
-    }
+    space.dim() + space.curved().len()
 }
 
 impl<S: System> System for Recorded<'_, S> {
@@ -72,9 +68,7 @@ impl<S: System> System for Recorded<'_, S> {
     ) -> Result<(), S::Error> {
         self.0.rate(t, x, u, &mut tape.memory, dx)?;
         tape.push(x);
-        if !self.space().is_flat() {
-            tape.push(dx);
-        }
+        tape.push(&dx[self.space().curved()]);
         Ok(())
     }
 }

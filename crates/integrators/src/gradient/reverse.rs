@@ -16,6 +16,8 @@ pub(crate) struct Reverse {
     sum: Vec<f64>,
     weight: Vec<f64>,
     rate: Vec<f64>,
+    /// fᵢ of all stages, in the curved directions.
+    rates: Vec<f64>,
     /// ξᵢ of all stages, then of the end.
     charts: Vec<f64>,
     slope: Vec<f64>,
@@ -37,6 +39,7 @@ impl Reverse {
             sum: vec![0.0; nt],
             weight: vec![0.0; nt],
             rate: vec![0.0; nt],
+            rates: vec![0.0; curved * M::LINKS.len()],
             charts: vec![0.0; curved * (M::LINKS.len() + 1)],
             slope: vec![0.0; curved],
             of_end: vec![0.0; curved],
@@ -132,10 +135,16 @@ impl Reverse {
         let (dim, nt, stages) = (space.dim(), space.tangent_dim(), M::LINKS.len());
         let record = &record[before_calls(space)..];
         let call = |i: usize| record[i * numbers_per_call(space)..].split_at(dim);
+        let turning = space.curved();
+        for i in 0..stages {
+            let rate = &mut self.rates[i * nt..][..nt];
+            rate[turning.clone()].copy_from_slice(&call(i).1[..turning.len()]);
+        }
+        let rates = &self.rates;
         charts::<S::Space, M>(
             space,
             step.h,
-            |i| &call(i).1[..nt],
+            |i| &rates[i * nt..][..nt],
             &mut self.work,
             &mut self.slope,
             &mut self.charts,
@@ -173,7 +182,7 @@ impl Reverse {
             chart_rate_back(
                 space,
                 &self.charts[at.clone()],
-                (&self.kappa, &call(i).1[..nt]),
+                (&self.kappa, &self.rates[i * nt..][..nt]),
                 &mut self.work,
                 (&mut self.weight, &mut self.of_series),
             );
@@ -197,8 +206,8 @@ impl Reverse {
     }
 }
 
-/// ξᵢ of the stages of a step, then of its end, from the rates at the stages: ξᵢ = aᵢ h kᵢ₋₁ and ξ = h Σ bᵢ kᵢ with the chart's rates
-/// kᵢ.
+/// ξᵢ of the stages of a step, then of its end, in the curved directions, from the rates at the stages: ξᵢ = aᵢ h kᵢ₋₁ and ξ = h Σ bᵢ kᵢ
+/// with the chart's rates kᵢ.
 pub(crate) fn charts<'a, P: Space, M: Explicit>(
     space: &P,
     h: f64,
@@ -207,7 +216,7 @@ pub(crate) fn charts<'a, P: Space, M: Explicit>(
     slope: &mut [f64],
     charts: &mut [f64],
 ) {
-    let (nt, stages) = (slope.len(), M::LINKS.len());
+    let (nt, stages, curved) = (slope.len(), M::LINKS.len(), space.curved());
     charts.fill(0.0);
     let (charts, end) = charts.split_at_mut(stages * nt);
     for i in 0..stages {
@@ -216,12 +225,13 @@ pub(crate) fn charts<'a, P: Space, M: Explicit>(
         } else {
             chart_rate(space, &charts[i * nt..][..nt], rate(i), work, slope);
         }
-        for (end, k) in end.iter_mut().zip(slope.iter()) {
-            *end += h * M::WEIGHTS[i] * k;
+        for j in curved.clone() {
+            end[j] += h * M::WEIGHTS[i] * slope[j];
         }
         if let Some(link) = M::LINKS.get(i + 1) {
-            for (xi, k) in charts[(i + 1) * nt..].iter_mut().take(nt).zip(slope.iter()) {
-                *xi = link * h * k;
+            let next = &mut charts[(i + 1) * nt..];
+            for j in curved.clone() {
+                next[j] = link * h * slope[j];
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Derivatives of all states in some numbers, forwards along a roll-out.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
 use super::record::{Linearized, Stages};
 use super::reverse::charts;
@@ -54,10 +54,10 @@ pub struct Sensitivity<S: Differentiable, M: Explicit> {
     x: Vec<f64>,
     by: DMatrix<f64>,
     /// δXᵢ, δfᵢ, δkᵢ and h Σ bᵢ δkᵢ of one column.
-    state: DVector<f64>,
-    rate: DVector<f64>,
-    slope: DVector<f64>,
-    sum: DVector<f64>,
+    state: Vec<f64>,
+    rate: Vec<f64>,
+    slope: Vec<f64>,
+    sum: Vec<f64>,
     /// δξᵢ.
     chart: Vec<f64>,
     charts: Vec<f64>,
@@ -89,10 +89,10 @@ where
             },
             x: vec![0.0; system.space().dim()],
             by: DMatrix::zeros(nt, 0),
-            state: DVector::zeros(nt),
-            rate: DVector::zeros(nt),
-            slope: DVector::zeros(nt),
-            sum: DVector::zeros(nt),
+            state: vec![0.0; nt],
+            rate: vec![0.0; nt],
+            slope: vec![0.0; nt],
+            sum: vec![0.0; nt],
             chart: vec![0.0; nt],
             charts: vec![0.0; (stages + 1) * nt],
             work: Work::new(nt),
@@ -176,7 +176,7 @@ where
                 step.h,
                 |i| &rates[i],
                 &mut self.work,
-                self.slope.as_mut_slice(),
+                &mut self.slope,
                 &mut self.charts,
             );
         }
@@ -192,31 +192,33 @@ where
     /// δfᵢ for δXᵢ in `state`, into `rate`.
     fn rate_of(&mut self, i: usize, interval: usize, column: &Column) {
         let by = &self.stages.by[i];
-        self.rate.gemv(1.0, &by.state, &self.state, 0.0);
+        times(&by.state, &self.state, &mut self.rate);
         match *column {
-            Column::Parameter(p) => self.rate += by.parameters.column(p),
+            Column::Parameter(p) => add_column(&by.parameters, p, &mut self.rate),
             Column::Input {
                 interval: own,
                 entry,
-            } if own == interval => {
-                self.rate += by.input.column(entry);
-            }
+            } if own == interval => add_column(&by.input, entry, &mut self.rate),
             _ => {}
         }
     }
 
     fn carry_flat(&mut self, step: &Step<'_, S::Input>, c: usize, column: &Column) {
+        let nt = self.state.len();
+        let own = c * nt..(c + 1) * nt;
         self.sum.fill(0.0);
+        self.state.copy_from_slice(&self.by.as_slice()[own.clone()]);
         for i in 0..M::LINKS.len() {
-            self.state.copy_from(&self.by.column(c));
             if i > 0 {
-                self.state.axpy(step.h * M::LINKS[i], &self.rate, 1.0);
+                let (link, eta) = (step.h * M::LINKS[i], &self.by.as_slice()[own.clone()]);
+                for ((state, eta), rate) in self.state.iter_mut().zip(eta).zip(&self.rate) {
+                    *state = eta + link * rate;
+                }
             }
             self.rate_of(i, step.interval, column);
-            self.sum.axpy(step.h * M::WEIGHTS[i], &self.rate, 1.0);
+            add_scaled(step.h * M::WEIGHTS[i], &self.rate, &mut self.sum);
         }
-        let mut by = self.by.column_mut(c);
-        by += &self.sum;
+        add_scaled(1.0, &self.sum, &mut self.by.as_mut_slice()[own]);
     }
 
     fn carry_curved(
@@ -227,13 +229,14 @@ where
         column: &Column,
     ) {
         let nt = self.state.len();
+        let own = c * nt..(c + 1) * nt;
         self.sum.fill(0.0);
         for i in 0..M::LINKS.len() {
-            let eta = self.by.column(c);
+            let eta = &self.by.as_slice()[own.clone()];
             if i == 0 {
-                self.state.copy_from(&eta);
+                self.state.copy_from_slice(eta);
                 self.rate_of(i, step.interval, column);
-                self.slope.copy_from(&self.rate);
+                self.slope.copy_from_slice(&self.rate);
             } else {
                 for (chart, k) in self.chart.iter_mut().zip(self.slope.iter()) {
                     *chart = step.h * M::LINKS[i] * k;
@@ -242,26 +245,57 @@ where
                 displaced(
                     space,
                     &self.charts[at.clone()],
-                    (eta.as_slice(), &self.chart),
+                    (eta, &self.chart),
                     &mut self.work,
-                    self.state.as_mut_slice(),
+                    &mut self.state,
                 );
                 self.rate_of(i, step.interval, column);
-                let (xi, slope) = (&self.charts[at], self.slope.as_mut_slice());
-                chart_rate(space, xi, self.rate.as_slice(), &mut self.work, slope);
+                let (xi, slope) = (&self.charts[at], &mut self.slope);
+                chart_rate(space, xi, &self.rate, &mut self.work, slope);
                 let change = (self.chart.as_slice(), self.stages.rates[i].as_slice());
                 chart_rate_change(space, xi, change, &mut self.work, slope);
             }
-            self.sum.axpy(step.h * M::WEIGHTS[i], &self.slope, 1.0);
+            add_scaled(step.h * M::WEIGHTS[i], &self.slope, &mut self.sum);
         }
         displaced(
             space,
             &self.charts[M::LINKS.len() * nt..],
-            (self.by.column(c).as_slice(), self.sum.as_slice()),
+            (&self.by.as_slice()[own.clone()], &self.sum),
             &mut self.work,
-            self.state.as_mut_slice(),
+            &mut self.state,
         );
-        self.by.column_mut(c).copy_from(&self.state);
+        self.by.as_mut_slice()[own].copy_from_slice(&self.state);
+    }
+}
+
+/// out = A x for a square A, its columns taken four at a time: systems are small, and this is most of the work beside their derivatives.
+fn times(a: &DMatrix<f64>, x: &[f64], out: &mut [f64]) {
+    const FOUR: usize = 4;
+    let nt = x.len();
+    out.fill(0.0);
+    let (four, rest) = x.as_chunks::<FOUR>();
+    let (by_four, by_rest) = a.as_slice().split_at(four.len() * FOUR * nt);
+    for (columns, x) in by_four.chunks_exact((FOUR * nt).max(1)).zip(four) {
+        let (first, last) = columns.split_at(2 * nt);
+        let ((c0, c1), (c2, c3)) = (first.split_at(nt), last.split_at(nt));
+        for ((((out, c0), c1), c2), c3) in out.iter_mut().zip(c0).zip(c1).zip(c2).zip(c3) {
+            *out = *out + c0 * x[0] + c1 * x[1] + c2 * x[2] + c3 * x[3];
+        }
+    }
+    for (column, &x) in by_rest.chunks_exact(nt.max(1)).zip(rest) {
+        add_scaled(x, column, out);
+    }
+}
+
+/// to += A e_k.
+fn add_column(a: &DMatrix<f64>, k: usize, to: &mut [f64]) {
+    add_scaled(1.0, a.column(k).as_slice(), to);
+}
+
+/// to += factor · from.
+fn add_scaled(factor: f64, from: &[f64], to: &mut [f64]) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to += factor * from;
     }
 }
 

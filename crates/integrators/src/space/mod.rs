@@ -4,6 +4,8 @@
 //! from there, in the axes of what moves: x ⊕ ξ = x ∘ exp ξ. Velocities are tangents a second. In a vector space all of this is
 //! addition; for a quaternion it keeps the length 1.
 
+use std::ops::Range;
+
 mod phase;
 mod product;
 mod rotation;
@@ -25,6 +27,16 @@ pub trait Space: Send + Sync {
 
     /// Whether x ⊕ ξ = x + ξ for all.
     fn is_flat(&self) -> bool;
+
+    /// The directions of motion that do not commute with all others: brackets and cobrackets are zero elsewhere and depend on no other
+    /// entries of their arguments. Series of brackets are summed over these alone, and gradients of roll-outs keep no rates elsewhere.
+    fn curved(&self) -> Range<usize> {
+        if self.is_flat() {
+            0..0
+        } else {
+            0..self.tangent_dim()
+        }
+    }
 
     /// x ⊕ ξ = x ∘ exp ξ.
     fn move_into(&self, point: &[f64], motion: &[f64], out: &mut [f64]);
@@ -63,6 +75,9 @@ impl<S: Space> Space for &S {
     }
     fn is_flat(&self) -> bool {
         (**self).is_flat()
+    }
+    fn curved(&self) -> Range<usize> {
+        (**self).curved()
     }
     fn move_into(&self, point: &[f64], motion: &[f64], out: &mut [f64]) {
         (**self).move_into(point, motion, out);

@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use super::Space;
 
 /// States x = (q, v) over a space of positions: q moves in it, v is one of its tangents and adds.
@@ -24,6 +26,9 @@ impl<P: Space> Space for PhaseSpace<P> {
     }
     fn is_flat(&self) -> bool {
         self.positions.is_flat()
+    }
+    fn curved(&self) -> Range<usize> {
+        self.positions.curved()
     }
     fn move_into(&self, point: &[f64], motion: &[f64], out: &mut [f64]) {
         let (q, v) = point.split_at(self.positions.dim());

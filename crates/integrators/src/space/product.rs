@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use super::Space;
 
 /// The product of two spaces: points (x, y), tangents (ξ, η), each part by itself.
@@ -18,6 +20,15 @@ impl<A: Space, B: Space> Space for Product<A, B> {
     }
     fn is_flat(&self) -> bool {
         self.first.is_flat() && self.second.is_flat()
+    }
+    fn curved(&self) -> Range<usize> {
+        let (x, y) = (self.first.curved(), self.second.curved());
+        let n = self.first.tangent_dim();
+        match (x.is_empty(), y.is_empty()) {
+            (_, true) => x,
+            (true, false) => n + y.start..n + y.end,
+            (false, false) => x.start..n + y.end,
+        }
     }
     fn move_into(&self, point: &[f64], motion: &[f64], out: &mut [f64]) {
         let (x, y) = point.split_at(self.first.dim());
@@ -44,6 +55,10 @@ impl<A: Space, B: Space> Space for Product<A, B> {
         let (first, second) = out.split_at_mut(n);
         self.first.cobracket_into(&a[..n], &m[..n], first);
         self.second.cobracket_into(&a[n..], &m[n..], second);
+    }
+    fn distance(&self, point: &[f64]) -> f64 {
+        let (x, y) = point.split_at(self.first.dim());
+        self.first.distance(x).max(self.second.distance(y))
     }
     fn scale_into(&self, point: &[f64], out: &mut [f64]) {
         let (x, y) = point.split_at(self.first.dim());
@@ -81,5 +96,9 @@ mod tests {
         space.scale_into(&x, &mut scale);
         assert_eq!(scale[6..], [5.0, -6.0]);
         assert!(!space.is_flat());
+        assert_eq!(space.curved(), 0..3);
+        assert!(
+            (space.distance(&[2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9.0, 9.0]) - 1.0).abs() < 1e-15
+        );
     }
 }

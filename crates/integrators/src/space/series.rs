@@ -4,6 +4,8 @@
 //! of x₀ is seen at x as e^{−ad_ξ} η. (Iserles, Munthe-Kaas, Nørsett, Zanna, "Lie-group methods", Acta Numerica 2000, with the sides
 //! exchanged: there motions stand on the left.)
 
+use std::ops::Range;
+
 use super::Space;
 
 /// Coefficients of zⁿ, n = 0, 1, ….
@@ -16,7 +18,9 @@ const RATE: [f64; 5] = [1.0, 0.5, 1.0 / 12.0, 0.0, -1.0 / 720.0];
 ///
 /// The series is cut after ad⁴, with an error of |ad ξ|⁶/30240 · |rate|: of order h⁷ in a step h.
 pub fn chart_rate<S: Space>(space: &S, xi: &[f64], rate: &[f64], work: &mut Work, out: &mut [f64]) {
-    sum(&RATE, rate, work, out, |x, y| space.bracket_into(xi, x, y));
+    sum(&RATE, (rate, space.curved()), work, out, |x, y| {
+        space.bracket_into(xi, x, y);
+    });
 }
 
 /// (−1)ⁿ/(n + 1)!, the coefficients of φ(z) = (1 − e^{−z})/z, which is dexp of these sides. The first that is left out is 4·10⁻¹⁹: for
@@ -46,8 +50,8 @@ pub fn displaced<S: Space>(
     for (rest, change) in rest.iter_mut().zip(change) {
         *rest = change - *rest;
     }
-    sum_to_rounding(&MOVED, &rest, work, out, |x, y| {
-        space.bracket_into(xi, x, y)
+    sum_to_rounding(&MOVED, (&rest, space.curved()), work, out, |x, y| {
+        space.bracket_into(xi, x, y);
     });
     for (out, base) in out.iter_mut().zip(base) {
         *out += base;
@@ -64,12 +68,14 @@ pub fn displaced_back<S: Space>(
     work: &mut Work,
     (of_base, of_change): (&mut [f64], &mut [f64]),
 ) {
-    sum_to_rounding(&MOVED, m, work, of_change, |x, y| {
+    let curved = space.curved();
+    sum_to_rounding(&MOVED, (m, curved.clone()), work, of_change, |x, y| {
         space.cobracket_into(xi, x, y);
     });
-    space.cobracket_into(xi, of_change, of_base);
-    for (of_base, m) in of_base.iter_mut().zip(m) {
-        *of_base = m - *of_base;
+    space.cobracket_into(xi, of_change, &mut work.next);
+    of_base.copy_from_slice(m);
+    for i in curved {
+        of_base[i] -= work.next[i];
     }
 }
 
@@ -82,7 +88,7 @@ pub fn chart_rate_change<S: Space>(
     work: &mut Work,
     out: &mut [f64],
 ) {
-    let nt = rate.len();
+    let (nt, curved) = (rate.len(), space.curved());
     work.powers(nt, rate, |x, y| space.bracket_into(xi, x, y));
     // b_j = [δξ, ad_ξʲ v]; then Σ_m ad_ξᵐ Σ_j r_{m+j+1} b_j by Horner's scheme from the highest m.
     for j in 0..ORDER {
@@ -96,13 +102,13 @@ pub fn chart_rate_change<S: Space>(
         std::mem::swap(&mut work.term, &mut work.next);
         for j in 0..ORDER - m {
             let b = &work.brackets[j * nt..(j + 1) * nt];
-            for (term, b) in work.term.iter_mut().zip(b) {
-                *term += RATE[m + j + 1] * b;
+            for i in curved.clone() {
+                work.term[i] += RATE[m + j + 1] * b[i];
             }
         }
     }
-    for (out, term) in out.iter_mut().zip(&work.term) {
-        *out += term;
+    for i in curved {
+        out[i] += work.term[i];
     }
 }
 
@@ -115,21 +121,23 @@ pub fn chart_rate_back<S: Space>(
     work: &mut Work,
     (of_rate, of_xi): (&mut [f64], &mut [f64]),
 ) {
-    let nt = rate.len();
+    let (nt, curved) = (rate.len(), space.curved());
     work.powers(nt, m, |x, y| space.cobracket_into(xi, x, y));
     space.cobracket_into(xi, &work.powers[(ORDER - 1) * nt..], &mut work.next);
-    for (of_rate, last) in of_rate.iter_mut().zip(&work.next) {
-        *of_rate = RATE[ORDER] * last;
+    // r₀ = 1, where nothing turns.
+    of_rate.copy_from_slice(m);
+    for i in curved.clone() {
+        of_rate[i] = RATE[ORDER] * work.next[i];
     }
-    add_powers(&RATE, &work.powers, of_rate);
+    add_powers(&RATE, &work.powers, &curved, of_rate);
     work.rest.copy_from_slice(rate);
     of_xi.fill(0.0);
     for j in 0..ORDER {
-        work.term.fill(0.0);
-        add_powers(&RATE[j + 1..], &work.powers, &mut work.term);
+        work.term[curved.clone()].fill(0.0);
+        add_powers(&RATE[j + 1..], &work.powers, &curved, &mut work.term);
         space.cobracket_into(&work.rest, &work.term, &mut work.next);
-        for (of_xi, next) in of_xi.iter_mut().zip(&work.next) {
-            *of_xi -= next;
+        for i in curved.clone() {
+            of_xi[i] -= work.next[i];
         }
         if j + 1 < ORDER {
             space.bracket_into(xi, &work.rest, &mut work.next);
@@ -138,12 +146,13 @@ pub fn chart_rate_back<S: Space>(
     }
 }
 
-/// Adds the powers, which stand one after the other, by their coefficients; what there is no coefficient or no power for is left out.
-fn add_powers(series: &Series, powers: &[f64], out: &mut [f64]) {
+/// Adds the powers, which stand one after the other, by their coefficients in the entries `curved`; what there is no coefficient or no
+/// power for is left out.
+fn add_powers(series: &Series, powers: &[f64], curved: &Range<usize>, out: &mut [f64]) {
     for (&coefficient, power) in series.iter().zip(powers.chunks_exact(out.len().max(1))) {
         if coefficient != 0.0 {
-            for (out, power) in out.iter_mut().zip(power) {
-                *out += coefficient * power;
+            for i in curved.clone() {
+                out[i] += coefficient * power[i];
             }
         }
     }
@@ -186,10 +195,10 @@ impl Work {
     }
 }
 
-/// out = Σ cₙ Aⁿ x for the linear map y = A x that `apply(x, y)` is.
+/// out = Σ cₙ Aⁿ x for the linear map y = A x that `apply(x, y)` is; A is zero outside of the entries `curved`.
 pub fn sum(
     series: &Series,
-    x: &[f64],
+    x: (&[f64], Range<usize>),
     work: &mut Work,
     out: &mut [f64],
     apply: impl FnMut(&[f64], &mut [f64]),
@@ -200,7 +209,7 @@ pub fn sum(
 /// [`sum`] up to the first term that changes no entry: for long series of falling terms.
 fn sum_to_rounding(
     series: &Series,
-    x: &[f64],
+    x: (&[f64], Range<usize>),
     work: &mut Work,
     out: &mut [f64],
     apply: impl FnMut(&[f64], &mut [f64]),
@@ -211,19 +220,26 @@ fn sum_to_rounding(
 #[inline]
 fn add_up(
     series: &Series,
-    x: &[f64],
+    (x, curved): (&[f64], Range<usize>),
     work: &mut Work,
     out: &mut [f64],
     mut apply: impl FnMut(&[f64], &mut [f64]),
     until_rounding: bool,
 ) {
-    out.fill(0.0);
+    let first = series.first().copied().unwrap_or(0.0);
+    for (out, x) in out.iter_mut().zip(x) {
+        *out = first * x;
+    }
+    out[curved.clone()].fill(0.0);
     work.term.resize(x.len(), 0.0);
     work.next.resize(x.len(), 0.0);
     work.term.copy_from_slice(x);
     for (n, &coefficient) in series.iter().enumerate() {
         let mut changed = !until_rounding;
-        for (out, term) in out.iter_mut().zip(&work.term) {
+        for (out, term) in out[curved.clone()]
+            .iter_mut()
+            .zip(&work.term[curved.clone()])
+        {
             let before = *out;
             *out += coefficient * term;
             // NaN is a change.

@@ -2,7 +2,7 @@
 
 use super::common::{Axis, Moved, Sums, VELOCITY, gravity, motion};
 use super::factor::LEAST_PIVOT;
-use super::plan::{Freedom, Plan};
+use super::plan::{Body, Freedom, Plan};
 use super::state::State;
 use super::vector::{
     Matrix, Spatial, Vector, add, cross, cross_add, dot, negate, scale, scale_add, subtract, times,
@@ -162,44 +162,88 @@ pub fn forward_dynamics<D: Scalar>(
             Some(parent) => moved[parent].acceleration,
             None => base,
         };
-        let here = &bodies[i];
-        match body.freedom {
+        let carried = below.plus(&bodies[i].drift);
+        moved[i].acceleration = rate(body, &bodies[i], &moved[i], axes, &carried, out);
+    }
+}
+
+/// x from M x = b, into `out`, which holds b, by the articulated bodies that [`forward_dynamics`] leaves: v̇ of a tree at rest without
+/// gravity under Q = b, for which each joint gives way as it does there.
+#[inline(always)]
+pub fn solve<D: Scalar>(
+    plan: &Plan,
+    moved: &[Moved<D>],
+    axes: &[Axis<D>],
+    bodies: &mut [Articulated<D>],
+    motions: &mut [Spatial<D>],
+    out: &mut [D],
+) {
+    for body in bodies.iter_mut() {
+        body.bias = Spatial::zero();
+    }
+    for (i, body) in plan.bodies.iter().enumerate().rev() {
+        let here = &mut bodies[i];
+        let handed = match body.freedom {
             Freedom::Turn | Freedom::Slide => {
-                let carried = below.plus(&here.drift);
-                let rate = (here.push - here.reaction.dot(&carried)) * here.pivot;
-                out[body.v] = rate;
-                moved[i].acceleration = axes[body.first].s.scaled_plus(rate, &carried);
+                here.push = out[body.v] - axes[body.first].s.dot(&here.bias);
+                here.reaction
+                    .scaled_plus(here.push * here.pivot, &here.bias)
             }
-            Freedom::Free => {
-                let q = &mut out[body.v..body.v + 6];
-                let pull = handed_over(&moved[i], q);
-                let rest = Spatial {
-                    angular: subtract(&pull.angular, &here.bias.angular),
-                    linear: subtract(&pull.linear, &here.bias.linear),
-                };
-                let acceleration = here.solve(&rest);
-                moved[i].acceleration = acceleration;
-                let joint = Spatial {
-                    angular: subtract(
-                        &acceleration.angular,
-                        &add(&below.angular, &here.drift.angular),
-                    ),
-                    linear: subtract(
-                        &acceleration.linear,
-                        &add(&below.linear, &here.drift.linear),
-                    ),
-                };
-                // Of the origin, in the body's axes.
-                let Moved {
-                    rotation, origin, ..
-                } = &moved[i];
-                let linear = cross_add(&joint.angular, origin, &joint.linear);
-                let linear = transposed_times(rotation, &linear);
-                let angular = transposed_times(rotation, &joint.angular);
-                for (q, x) in q.iter_mut().zip(linear.into_iter().chain(angular)) {
-                    *q = x;
-                }
+            Freedom::Free => handed_over(&moved[i], &out[body.v..body.v + 6]),
+        };
+        if let Some(parent) = body.parent {
+            let bias = &mut bodies[parent].bias;
+            *bias = bias.plus(&handed);
+        }
+    }
+    for (i, body) in plan.bodies.iter().enumerate() {
+        let carried = match body.parent {
+            Some(parent) => motions[parent],
+            None => Spatial::zero(),
+        };
+        motions[i] = rate(body, &bodies[i], &moved[i], axes, &carried, out);
+    }
+}
+
+/// The acceleration of a body whose joint, held fast, would carry it with `carried`; and that of the joint, in place of its Q in `q`.
+#[inline(always)]
+fn rate<D: Scalar>(
+    body: &Body,
+    here: &Articulated<D>,
+    moved: &Moved<D>,
+    axes: &[Axis<D>],
+    carried: &Spatial<D>,
+    q: &mut [D],
+) -> Spatial<D> {
+    match body.freedom {
+        Freedom::Turn | Freedom::Slide => {
+            let rate = (here.push - here.reaction.dot(carried)) * here.pivot;
+            q[body.v] = rate;
+            axes[body.first].s.scaled_plus(rate, carried)
+        }
+        Freedom::Free => {
+            let q = &mut q[body.v..body.v + 6];
+            let pull = handed_over(moved, q);
+            let rest = Spatial {
+                angular: subtract(&pull.angular, &here.bias.angular),
+                linear: subtract(&pull.linear, &here.bias.linear),
+            };
+            let acceleration = here.solve(&rest);
+            let joint = Spatial {
+                angular: subtract(&acceleration.angular, &carried.angular),
+                linear: subtract(&acceleration.linear, &carried.linear),
+            };
+            // Of the origin, in the body's axes.
+            let Moved {
+                rotation, origin, ..
+            } = moved;
+            let linear = cross_add(&joint.angular, origin, &joint.linear);
+            let linear = transposed_times(rotation, &linear);
+            let angular = transposed_times(rotation, &joint.angular);
+            for (q, x) in q.iter_mut().zip(linear.into_iter().chain(angular)) {
+                *q = x;
             }
+            acceleration
         }
     }
 }

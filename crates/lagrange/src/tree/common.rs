@@ -178,6 +178,33 @@ pub fn motion<D: Scalar, const LEVEL: u8>(
     }
 }
 
+/// Ψ̈ of all degrees of freedom from motions at VELOCITY and V̇.
+#[inline(always)]
+pub fn sweep_rates<D: Scalar>(
+    plan: &Plan,
+    state: &State<D>,
+    moved: &[Moved<D>],
+    axes: &mut [Axis<D>],
+) {
+    let base = Spatial {
+        angular: zero(),
+        linear: negate(&gravity(plan, state)),
+    };
+    for body in &plan.bodies {
+        let axes = &mut axes[body.first..body.first + body.freedom.dof()];
+        for axis in axes {
+            axis.swept_rate = match body.parent {
+                None => base.cross(&axis.s),
+                Some(parent) => {
+                    let parent = &moved[parent];
+                    let swept = parent.acceleration.cross(&axis.s);
+                    parent.velocity.cross(&axis.swept).plus(&swept)
+                }
+            };
+        }
+    }
+}
+
 /// S of a joint: a turn about z through the origin, a translation along z, or both along and about all three axes.
 #[inline(always)]
 fn directions<D: Scalar>(

@@ -76,12 +76,10 @@ impl<const FUSED: bool> Memory<FUSED> {
         }
     }
 
-    fn grow(&mut self, plan: &Plan, wide: bool) {
+    fn grow(&mut self, plan: &Plan) {
         let n = plan.dofs.len();
         self.eight.mass.resize(n * n, Lanes::constant(0.0));
-        if wide {
-            self.wide.resize(3 * n * n, Lanes::constant(0.0));
-        }
+        self.wide.resize(3 * n * n, Lanes::constant(0.0));
     }
 }
 
@@ -186,12 +184,12 @@ impl Machine {
         }
     }
 
-    /// Room for what only some calls for eight states need: the factor of M, and with `wide` their derivatives.
-    pub fn grow(&mut self, plan: &Plan, wide: bool) {
+    /// Room for what only the derivatives of eight states need: the factor of M, and their right-hand sides.
+    pub fn grow(&mut self, plan: &Plan) {
         match self {
             #[cfg(target_arch = "x86_64")]
-            Machine::V4(_, memory) | Machine::V3(_, memory) => memory.grow(plan, wide),
-            Machine::Plain(memory) => memory.grow(plan, wide),
+            Machine::V4(_, memory) | Machine::V3(_, memory) => memory.grow(plan),
+            Machine::Plain(memory) => memory.grow(plan),
         }
     }
 

@@ -90,7 +90,7 @@ impl Engine {
         machine: &mut Machine,
         out: &mut ForwardDynamicsDerivatives<[f64; LANES]>,
     ) {
-        machine.grow(&self.plan, true);
+        machine.grow(&self.plan);
         let kernel = ForwardDerivativesOfEight {
             at,
             force: out.acceleration.as_mut_slice(),
@@ -329,9 +329,6 @@ macro_rules! algorithms {
                 machine: &mut Machine,
                 out: &mut ForwardDynamicsGradient<$number>,
             ) {
-                if <$number>::IS_EIGHT {
-                    machine.grow(&self.plan, false);
-                }
                 let kernel = ForwardGradient {
                     at,
                     force: out.acceleration.as_mut_slice(),

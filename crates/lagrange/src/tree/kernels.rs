@@ -3,9 +3,9 @@
 //! Matrices are stored column after column.
 
 use super::common::{
-    ACCELERATION, Axis, Moved, POSITION, Sums, VELOCITY, composite, gravity, motion,
+    ACCELERATION, Axis, Moved, POSITION, Sums, VELOCITY, composite, gravity, motion, sweep_rates,
 };
-use super::dispatch::{Kernel, Memory, TreeMemory, Width};
+use super::dispatch::{FEW, Kernel, Memory, TreeMemory, Width};
 use super::gradient::Weighed;
 use super::inverse_dynamics::Link;
 use super::plan::Plan;
@@ -507,6 +507,7 @@ impl<T: Width> Kernel for InverseGradient<'_, T> {
             rows,
             ..
         } = memory;
+        motion::<_, ACCELERATION>(plan, state, moved, axes);
         let products = weigh(plan, state, (moved, axes), force, weighed, rows);
         let outs = [self.by_q, self.by_v, self.by_a, self.by_p];
         store::<T, F>(outs.into_iter().flatten(), products);
@@ -518,12 +519,11 @@ impl<T: Width> Kernel for InverseGradient<'_, T> {
 fn weigh<'a, D: Scalar>(
     plan: &Plan,
     state: &State<D>,
-    (moved, axes): (&mut [Moved<D>], &mut [Axis<D>]),
+    (moved, axes): (&[Moved<D>], &[Axis<D>]),
     weight: &[D],
     weighed: &mut [Weighed<D>],
     rows: &'a mut [D],
 ) -> &'a [D] {
-    motion::<_, ACCELERATION>(plan, state, moved, axes);
     let n = plan.nv;
     let (by_q, rest) = rows.split_at_mut(n);
     let (by_v, rest) = rest.split_at_mut(n);
@@ -540,7 +540,8 @@ fn weigh<'a, D: Scalar>(
 
 /// v̇ and wᵀ ∂v̇/∂(q, v, Q, p); for joints of which none follows another.
 ///
-/// With λ = M⁻¹ w: wᵀ ∂v̇/∂x = −λᵀ ∂Q/∂x at fixed v̇, and wᵀ ∂v̇/∂Q = λᵀ.
+/// With λ = M⁻¹ w: wᵀ ∂v̇/∂x = −λᵀ ∂Q/∂x at fixed v̇, and wᵀ ∂v̇/∂Q = λᵀ. Both v̇ and λ are from the same articulated bodies, or with
+/// [`FEW`] degrees of freedom from the same factor of M, as v̇ of the forward dynamics is.
 pub struct ForwardGradient<'a, T> {
     pub at: At<'a, T>,
     /// Q, and afterwards v̇.
@@ -563,23 +564,33 @@ impl<T: Width> Kernel for ForwardGradient<'_, T> {
             moved,
             axes,
             sums,
+            articulated,
             weighed,
+            momenta,
             force,
             mass,
             rows,
-            ..
         } = memory;
         load::<T, F>(force, self.force);
-        accelerate(plan, state, (links, moved, axes, sums), (mass, rows), force);
-        store::<T, F>(self.force, &state.a);
-        for (row, dof) in rows.iter_mut().zip(&plan.dofs) {
-            *row = self.weight[dof.v].lift();
+        if n <= FEW {
+            accelerate(plan, state, (links, moved, axes, sums), (mass, rows), force);
+            store::<T, F>(self.force, &state.a);
+            for (row, dof) in rows.iter_mut().zip(&plan.dofs) {
+                *row = self.weight[dof.v].lift();
+            }
+            factor::solve(plan, mass, &mut rows[..n], 1);
+            for (row, dof) in rows.iter().zip(&plan.dofs) {
+                force[dof.v] = *row;
+            }
+            motion::<_, ACCELERATION>(plan, state, moved, axes);
+        } else {
+            articulated::forward_dynamics(plan, state, moved, axes, articulated, force);
+            store::<T, F>(self.force, force);
+            load::<T, F>(force, self.weight);
+            articulated::solve(plan, moved, axes, articulated, momenta, force);
+            sweep_rates(plan, state, moved, axes);
         }
-        factor::solve(plan, mass, &mut rows[..n], 1);
-        for (row, dof) in rows.iter().zip(&plan.dofs) {
-            force[dof.v] = *row;
-            self.by_force[dof.v] = T::drop(*row);
-        }
+        store::<T, F>(self.by_force, force);
         let products = weigh(plan, state, (moved, axes), force, weighed, rows);
         let (by_state, by_p) = (&products[..2 * n], &products[3 * n..]);
         for (to, from) in self.by_q.iter_mut().chain(self.by_v).zip(by_state) {

@@ -1,3 +1,4 @@
+use std::ops::Range;
 use std::sync::Arc;
 
 use integrators::Space;
@@ -64,6 +65,12 @@ impl Space for Positions {
     }
     fn is_flat(&self) -> bool {
         self.poses.is_empty()
+    }
+    fn curved(&self) -> Range<usize> {
+        match (self.poses.first(), self.poses.last()) {
+            (Some((_, first)), Some((_, last))) => first.v..last.v + TWIST,
+            _ => 0..0,
+        }
     }
     fn move_into(&self, point: &[f64], motion: &[f64], out: &mut [f64]) {
         let mut at = Start { q: 0, v: 0 };
@@ -216,6 +223,25 @@ mod tests {
         let far: Vec<f64> = [-3.0, 1e3, 2e3, -1e3, 1.0, 0.0, 0.0, 0.0, 0.2].into();
         space.scale_into(&far, &mut scale);
         assert_eq!(scale, [-3.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.2]);
+    }
+
+    #[test]
+    fn motions_commute_but_for_those_in_the_curved_directions() {
+        let space = positions();
+        let curved = space.curved();
+        assert_eq!(curved, 1..7);
+        let (a, b) = (numbers(0.0, 8), numbers(1.0, 8));
+        let only = |x: &[f64]| -> Vec<f64> {
+            let kept = |(i, &x)| if curved.contains(&i) { x } else { 0.0 };
+            x.iter().enumerate().map(kept).collect()
+        };
+        let (mut whole, mut part) = (vec![1.0; 8], vec![2.0; 8]);
+        for apply in [Space::bracket_into, Space::cobracket_into] {
+            apply(&space, &a, &b, &mut whole);
+            apply(&space, &only(&a), &only(&b), &mut part);
+            assert_eq!(whole, part);
+            assert_eq!(whole, only(&whole));
+        }
     }
 
     #[test]
