@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use integrators::gradient::{Adjoint, RollOutGradient, Schedule};
-use integrators::{Differentiable, Gradient, Jacobian, Method, Rk4, Space, System};
+use integrators::{Differentiable, Gradient, Jacobian, Method, Rk4, Space};
 use lagrange::Mechanics;
 use pinode_nn::hybrid::{Hybrid, HybridMotion};
 use pinode_nn::model::Model;
