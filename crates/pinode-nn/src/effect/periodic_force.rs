@@ -1,6 +1,6 @@
 //! Force that repeats along the way: Q = A sin(2π q/λ + φ).
 //!
-//! A in N or N·m, period λ in m or rad, phase φ in rad: the cogging of a motor, the teeth of a belt, an eccentric pulley. Periodic in the
+//! A in N or N·m, of either sign, period λ in m or rad, phase φ in rad: the cogging of a motor, the teeth of a belt, an eccentric pulley. Periodic in the
 //! position, not in time.
 
 use std::f64::consts::TAU;
@@ -26,7 +26,12 @@ pub static KIND: Kind = Kind {
     family: Family::Conservative,
     summary: "force that repeats along the way",
     parameters: &[
-        ParameterSpec::new("amplitude", Quantity::Force, (0.0, f64::INFINITY), 0.0),
+        ParameterSpec::new(
+            "amplitude",
+            Quantity::Force,
+            (f64::NEG_INFINITY, f64::INFINITY),
+            0.0,
+        ),
         ParameterSpec::new("period", Quantity::Displacement, (1e-6, f64::INFINITY), 0.1),
         ParameterSpec::new("phase", Quantity::Angle, (-1e3, 1e3), 0.0),
     ],
@@ -37,7 +42,7 @@ pub static KIND: Kind = Kind {
         let periods = (0..PERIODS).map(|k| 1.2 * scales.reach * 0.8_f64.powi(k as i32));
         periods
             .flat_map(|period| {
-                [0.0, 0.25, 0.5, 0.75].map(|turn| {
+                [0.0, 0.25].map(|turn| {
                     // The phase is that in the middle of the motion.
                     let phase = (turn - scales.centre / period).rem_euclid(1.0) * TAU;
                     Probe {
