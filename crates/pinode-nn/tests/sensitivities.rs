@@ -177,7 +177,7 @@ fn equal_differences(hybrid: &Hybrid, initial: &[f64]) {
             Some(k) => theta[free[k]].abs().max(0.1),
             None => 1.0,
         };
-        let h = 1e-5 * scale;
+        let h = 1e-6 * scale;
         let (plus, minus) = (shifted(h), shifted(-h));
         let (plus_2, minus_2) = (shifted(2.0 * h), shifted(-2.0 * h));
         // A sensor changes what is read, not the motion.

@@ -4,10 +4,11 @@ use super::candidate::Candidate;
 use super::confidence::DRAWS;
 use super::screen::screen;
 use super::search::{
-    Contender, IMITATED, LEAST_T2, Report, Step, contender, polish, rank, refine, simpler,
+    Contender, IMITATED, LEAST_T2, Report, Step, contender, is_second_choice, polish, rank, refine,
+    simpler,
 };
 use super::study::{Comparison, Fitted, Study};
-use crate::effect::Kind;
+use crate::effect::{Family, Kind};
 
 /// A found effect.
 #[derive(Clone)]
@@ -153,6 +154,7 @@ fn rivals(
         .ranked
         .iter()
         .filter(|s| s.t2 > LEAST_T2.1 && s.candidate != added[k])
+        .filter(|s| !is_second_choice(s) || added[k].kind.family == Family::Memory)
         .take(3)
     {
         let mut rival = refine(study, reduced, &[(s.candidate, s.start.clone())]);

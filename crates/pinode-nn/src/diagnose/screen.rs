@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use super::candidate::Candidate;
 use super::study::{Fitted, Study};
+use crate::effect::Family;
 use crate::hybrid::{DrivenInputs, HiddenPath, Hybrid, Placed, Reading};
 use crate::shooting::problem::Problem;
 use crate::shooting::{Accumulator, Roller, Trajectory, Window};
@@ -163,6 +164,12 @@ pub fn screen(study: &Study, fitted: &Fitted) -> Screen {
                     neutral: probe.neutral,
                     perturbed: probe.perturbed,
                 })
+        })
+        .filter(|column| {
+            let (with, theta) = column
+                .candidate
+                .place(hybrid, &fit.theta, &column.perturbed);
+            study.resolves(&with, &theta)
         })
         .collect();
     let probed: Vec<Probed> = columns
@@ -316,11 +323,14 @@ impl Screen {
         self.ranked = best;
     }
 
-    /// The pairs that promise most beyond the better of their members, at most `most`: effects that mask one another.
+    /// The pairs that promise most beyond the better of their members, at most `most`: effects that mask one another. Friction with a
+    /// memory takes no part.
     pub fn pairs(&self, most: usize) -> Vec<ScreenedPair> {
         let mut pairs = Vec::new();
-        for (i, a) in self.columns.iter().enumerate() {
-            for (j, b) in self.columns.iter().enumerate().skip(i + 1) {
+        let simple = |column: &&Column| column.candidate.kind.family != Family::Memory;
+        for (i, a) in self.columns.iter().enumerate().filter(|(_, a)| simple(a)) {
+            let others = self.columns.iter().enumerate().skip(i + 1);
+            for (j, b) in others.filter(|(_, b)| simple(b)) {
                 let same = a.candidate == b.candidate;
                 let rivals = a.candidate.target == b.candidate.target
                     && (a.candidate.kind.contains.contains(&b.candidate.kind.name)

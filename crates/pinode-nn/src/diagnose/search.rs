@@ -5,11 +5,14 @@ use super::confidence::wins;
 use super::found::{Found, prune, revisit};
 use super::screen::{Screened, ScreenedPair, screen};
 use super::study::{Comparison, Fitted, RELIEF, Study};
+use crate::effect::Family;
 
 /// At most so many effects are named.
 const MOST_EFFECTS: usize = 4;
 /// So many candidates of a screen are refined.
 const REFINED: usize = 5;
+/// So many kinds of friction with a memory, where nothing simpler is accepted.
+const SECOND_CHOICES: usize = 3;
 /// Least t² in the first screen, and in later ones.
 pub const LEAST_T2: (f64, f64) = (4.0, 6.0);
 /// A candidate with this share of its information spanned by free constants is one that they imitate.
@@ -204,13 +207,19 @@ impl Path {
     }
 }
 
+/// Friction that remembers does what friction without a memory does, and more, at many times the cost: it is tried where nothing simpler
+/// is accepted and something is left to explain.
+pub fn is_second_choice(screened: &Screened) -> bool {
+    screened.candidate.kind.family == Family::Memory
+}
+
 fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Report) -> Step {
     let screen = screen(study, current);
     let least = if first { LEAST_T2.0 } else { LEAST_T2.1 };
     let mut chosen: Vec<&Screened> = screen
         .ranked
         .iter()
-        .filter(|s| s.t2 > least)
+        .filter(|s| s.t2 > least && !is_second_choice(s))
         .take(REFINED)
         .collect();
     // What stretched tolerances imitate leaves no residual for the screen to see.
@@ -233,7 +242,22 @@ fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Rep
     polish(study, current, &mut contenders);
     rank(&mut contenders, seed);
     let mut accepted = accept(study, current, &mut contenders);
-    if accepted.is_none() && is_unexplained(study, current, (1.25, 2.6)) {
+    let unexplained = accepted.is_none() && is_unexplained(study, current, (1.25, 2.6));
+    if unexplained {
+        let with_memory = screen.ranked.iter().filter(|s| is_second_choice(s));
+        let mut second: Vec<Contender> = Vec::new();
+        for s in with_memory.filter(|s| s.t2 > least).take(SECOND_CHOICES) {
+            report(&format!("refining {}", s.candidate.kind.name));
+            let refined = refine(study, current, &[(s.candidate, s.start.clone())]);
+            second.push(refined);
+        }
+        rank(&mut second, seed);
+        if let Some(k) = accept(study, current, &mut second) {
+            contenders = second;
+            accepted = Some(k);
+        }
+    }
+    if unexplained && accepted.is_none() {
         let pairs: Vec<ScreenedPair> = screen.pairs(4);
         let mut joint: Vec<Contender> = Vec::new();
         for pair in &pairs {

@@ -11,7 +11,9 @@ use crate::shooting::{Fit, FitOptions, HiddenPrior, Observations, Window, Window
 /// At most so many integration steps per sample.
 pub const MOST_SUBSTEPS: usize = 64;
 /// Longest integration step for effects with a memory, in units of their fastest rate.
-const RESOLVED: f64 = 1.0;
+const RESOLVED: f64 = 1.5;
+/// Effects with a memory may take so many times the integration steps of the other ones.
+const MOST_REFINED: usize = 8;
 
 /// The data under study.
 #[derive(Debug, Clone)]
@@ -145,11 +147,18 @@ impl Study {
     /// Integration steps per log sample for a model at θ: more than else where an effect with a memory is fast.
     pub fn substeps_for(&self, hybrid: &Hybrid, theta: &[f64]) -> usize {
         let rate = hybrid.fastest_memory(theta, &self.scales);
+        let most = MOST_SUBSTEPS.min(MOST_REFINED * self.substeps);
         let mut substeps = self.substeps;
-        while substeps < MOST_SUBSTEPS && self.interval * rate > RESOLVED * substeps as f64 {
+        while substeps < most && self.interval * rate > RESOLVED * substeps as f64 {
             substeps *= 2;
         }
         substeps
+    }
+
+    /// Whether these steps follow the effects with a memory of a model at θ: what is much faster than the samples is not in the data.
+    pub fn resolves(&self, hybrid: &Hybrid, theta: &[f64]) -> bool {
+        let steps = self.substeps_for(hybrid, theta) as f64;
+        self.interval * hybrid.fastest_memory(theta, &self.scales) <= RESOLVED * steps
     }
 
     /// Where each recording takes the hidden states of a model.

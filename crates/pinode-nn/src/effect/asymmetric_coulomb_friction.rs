@@ -26,7 +26,7 @@ impl ForceLaw for AsymmetricCoulomb {
 }
 
 impl DryFriction for AsymmetricCoulomb {
-    fn size(&self, direction: Direction, _: f64, p: &[f64]) -> f64 {
+    fn size(&self, direction: Direction, _: f64, _: f64, p: &[f64]) -> f64 {
         match direction {
             Direction::Positive => p[0],
             Direction::Negative => p[1],

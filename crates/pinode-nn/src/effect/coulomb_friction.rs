@@ -23,7 +23,7 @@ impl ForceLaw for Coulomb {
 }
 
 impl DryFriction for Coulomb {
-    fn size(&self, _: Direction, _: f64, p: &[f64]) -> f64 {
+    fn size(&self, _: Direction, _: f64, _: f64, p: &[f64]) -> f64 {
         p[0]
     }
 }

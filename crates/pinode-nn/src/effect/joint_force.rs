@@ -22,8 +22,8 @@ pub trait ForceLaw: Send + Sync + 'static {
 
 /// Dry friction before it is smoothed: Q_j = −F₊(v_j) for v_j > 0, F₋(|v_j|) for v_j < 0, and anything in [−F₊(0), F₋(0)] at rest.
 pub trait DryFriction: Send + Sync {
-    /// F ≥ 0 against a slide in `direction` with `speed` = |v_j|, N or N·m; smooth in the speed, also a little below 0.
-    fn size(&self, direction: Direction, speed: f64, p: &[f64]) -> f64;
+    /// F ≥ 0 against a slide in `direction` at q_j = `q` with `speed` = |v_j|, N or N·m; smooth in the speed, also a little below 0.
+    fn size(&self, direction: Direction, q: f64, speed: f64, p: &[f64]) -> f64;
 }
 
 /// Stops at the ends of a coordinate's way as hard ones: q_j stays between the two places, and a blow turns the speed v of approach

@@ -4,10 +4,12 @@
 //! F₀ in N or N·m at q = 0, s in N/m or N·m/rad. A step over v whose height depends on q; a spring has the same sign for both
 //! directions of motion, this has not.
 
+use integrators::event::Direction;
 use lagrange::Scalar;
 
 use super::{
-    Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Probe, Quantity, smooth_sign,
+    Action, DryFriction, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Probe, Quantity,
+    smooth_sign,
 };
 
 struct PositionDependent;
@@ -19,6 +21,16 @@ impl ForceLaw for PositionDependent {
             true => -size * smooth_sign(v, smoothing),
             false => size * 0.0,
         }
+    }
+
+    fn dry(&self) -> Option<&dyn DryFriction> {
+        Some(self)
+    }
+}
+
+impl DryFriction for PositionDependent {
+    fn size(&self, _: Direction, q: f64, _: f64, p: &[f64]) -> f64 {
+        (p[0] + p[1] * q).max(0.0)
     }
 }
 

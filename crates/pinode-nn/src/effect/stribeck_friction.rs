@@ -30,7 +30,7 @@ impl ForceLaw for Stribeck {
 }
 
 impl DryFriction for Stribeck {
-    fn size(&self, _: Direction, speed: f64, p: &[f64]) -> f64 {
+    fn size(&self, _: Direction, _: f64, speed: f64, p: &[f64]) -> f64 {
         hump(speed, p)
     }
 }

@@ -140,7 +140,11 @@ impl<'a> HybridContacts<'a> {
             });
             let mut direction = vec![0.0; hybrid.nv()];
             direction[hybrid.starts[c].v] = 1.0;
-            Law::friction(&direction, Sum(parts.collect()))
+            let sum = Sum {
+                at: hybrid.starts[c].q,
+                parts: parts.collect(),
+            };
+            Law::friction(&direction, sum)
         };
         hybrid.rubbing().into_iter().map(on).collect()
     }
@@ -189,12 +193,17 @@ impl Hybrid {
 }
 
 /// Dry frictions with their parameters that act together.
-struct Sum(Vec<(&'static dyn DryFriction, Arc<[f64]>)>);
+struct Sum {
+    /// Where the coordinate stands in q.
+    at: usize,
+    parts: Vec<(&'static dyn DryFriction, Arc<[f64]>)>,
+}
 
 impl Friction for Sum {
-    fn sliding(&self, direction: Direction, speed: f64, _: At<'_>) -> f64 {
-        let sizes = self.0.iter().map(|(law, p)| law.size(direction, speed, p));
-        sizes.sum()
+    fn sliding(&self, direction: Direction, speed: f64, at: At<'_>) -> f64 {
+        let q = at.q.get(self.at).copied().unwrap_or_default();
+        let parts = self.parts.iter();
+        parts.map(|(law, p)| law.size(direction, q, speed, p)).sum()
     }
 }
 
