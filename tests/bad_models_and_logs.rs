@@ -108,7 +108,7 @@ const BAD_MODELS: &[(&str, (usize, usize), &[&str])] = &[
     // Effects.
     ("urdf = 'cartpole.urdf'\n[[effect]]\njoint = 'pole'", (2, 1), &["[[effect]] has no `kind`"]),
     ("urdf = 'cartpole.urdf'\n[[effect]]\nkind = 'viscous_fricton'\njoint = 'pole'", (3, 8), &["unknown kind of effect `viscous_fricton`", "nearest: `viscous_friction`"]),
-    ("urdf = 'cartpole.urdf'\n[[effect]]\nkind = 'lugre_friction'\njoint = 'pole'", (3, 8), &["`lugre_friction` is a known kind", "does not support"]),
+    ("urdf = 'cartpole.urdf'\n[[effect]]\nkind = 'neural_network'\njoint = 'pole'", (3, 8), &["`neural_network` is a known kind", "does not support"]),
     ("urdf = 'cartpole.urdf'\n[[effect]]\nkind = 'viscous_friction'\njoint = 'pole'", (2, 1), &["viscous_friction takes coefficient (N·m·s/rad)", "`coefficient` is missing"]),
     ("urdf = 'cartpole.urdf'\n[[effect]]\nkind = 'viscous_friction'\njoint = 'pole'\ncoefficient = -1", (5, 15), &["`coefficient` is -1", "at least 0"]),
     ("urdf = 'cartpole.urdf'\n[[effect]]\nkind = 'viscous_friction'\njoint = 'pole'\ncoefficient = 1\nforce = 2", (6, 1), &["unknown key `force` in viscous_friction"]),

@@ -45,12 +45,20 @@ fn a_positioning_table_shows_its_viscous_and_coulomb_friction_and_its_offset() {
         let effect = diagnosis.effects.iter().find(|e| e.kind == kind)?;
         Some(effect.parameters[name].value)
     };
-    let viscous = value("viscous_friction", "coefficient").unwrap();
+    // What is asymmetric about either friction and what is an offset cannot be told apart at one speed: the table slides at 0.084 m/s on average.
+    let uneven = value("asymmetric_viscous_friction", "coefficient_positive").map(|plus| {
+        let minus = value("asymmetric_viscous_friction", "coefficient_negative").unwrap();
+        (0.5 * (plus + minus), 0.5 * (minus - plus) * 0.084)
+    });
+    let viscous = match uneven {
+        Some((mean, _)) => mean,
+        None => value("viscous_friction", "coefficient").unwrap(),
+    };
     assert!((viscous / 203.5 - 1.0).abs() < 0.1, "{viscous}");
-    // What is asymmetric about the friction and what is an offset cannot be told apart.
-    let (coulomb, offset) = match value("coulomb_friction", "force") {
-        Some(force) => (force, value("constant_force", "force").unwrap()),
-        None => {
+    let (coulomb, offset) = match (value("coulomb_friction", "force"), uneven) {
+        (Some(force), Some((_, offset))) => (force, offset),
+        (Some(force), None) => (force, value("constant_force", "force").unwrap()),
+        (None, _) => {
             let side = |name| value("asymmetric_coulomb_friction", name).unwrap();
             let (plus, minus) = (side("force_positive"), side("force_negative"));
             (0.5 * (plus + minus), 0.5 * (minus - plus))

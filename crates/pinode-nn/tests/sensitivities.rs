@@ -33,7 +33,7 @@ fn with_every_effect(transmission: &str) -> Hybrid {
             "linear_spring" => &[2.0, 0.05],
             "cubic_spring" => &[30.0],
             "constant_force" => &[-0.1],
-            "end_stop" => &[-0.04, 0.08, 150.0, 4.0],
+            "end_stop" => &[0.03, 0.08, 150.0, 4.0],
             "input_gain_error" => &[0.1],
             "input_delay" => &[0.0312],
             "asymmetric_viscous_friction" => &[0.1, 0.25],
