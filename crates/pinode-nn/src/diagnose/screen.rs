@@ -30,6 +30,8 @@ pub struct Screened {
     pub t2: f64,
     /// The share of its information that the constants already free span: near 1 for what they can imitate.
     pub spanned: f64,
+    /// Gain that the linearisation promises when what the free constants are stretched by counts as well, nats.
+    pub relief: f64,
 }
 
 /// Two candidates that promise more together.
@@ -53,6 +55,9 @@ pub struct Screen {
     information: DMatrix<f64>,
     /// Information of each column by itself.
     alone: Vec<f64>,
+    /// Score of each column by itself. At the fit the pull of the data on the free constants is that of their priors, so this is the
+    /// efficient score when the priors count.
+    pull: Vec<f64>,
 }
 
 #[derive(Debug, Clone)]
@@ -254,6 +259,12 @@ pub fn screen(study: &Study, fitted: &Fitted) -> Screen {
     let s_cc = s.view((nuisances, nuisances), (columns.len(), columns.len()));
     let by_nuisance = solve_scaled(&s_nn, &s_nc.into_owned());
     let information = s_cc - s_nc.transpose() * &by_nuisance;
+    let mut pull = vec![0.0; columns.len()];
+    for (_, g) in per_window.iter().flatten() {
+        for (pull, g) in pull.iter_mut().zip(g.rows(nuisances, columns.len()).iter()) {
+            *pull += g;
+        }
+    }
     let scores: Vec<DVector<f64>> = per_window
         .into_iter()
         .flatten()
@@ -264,6 +275,7 @@ pub fn screen(study: &Study, fitted: &Fitted) -> Screen {
     let mut screen = Screen {
         ranked: Vec::new(),
         alone: s_cc.diagonal().iter().copied().collect(),
+        pull,
         columns,
         scores,
         information,
@@ -312,6 +324,7 @@ impl Screen {
                 gain: 0.5 * b * b / d,
                 t2: b * b / squares,
                 spanned: 1.0 - d / self.alone[k],
+                relief: 0.5 * self.pull[k].powi(2) / d,
             };
             match best.iter_mut().find(|s| s.candidate == column.candidate) {
                 Some(known) if known.gain < screened.gain => *known = screened,

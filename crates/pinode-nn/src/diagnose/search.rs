@@ -227,9 +227,9 @@ fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Rep
         let mut imitated: Vec<&Screened> = screen
             .ranked
             .iter()
-            .filter(|s| s.spanned > IMITATED && !chosen.contains(s))
+            .filter(|s| s.spanned > IMITATED && s.relief > RELIEF && !chosen.contains(s))
             .collect();
-        imitated.sort_by(|a, b| b.spanned.total_cmp(&a.spanned));
+        imitated.sort_by(|a, b| b.relief.total_cmp(&a.relief));
         chosen.extend(imitated.into_iter().take(2));
     }
     let mut contenders: Vec<Contender> = Vec::new();
