@@ -1,5 +1,6 @@
-//! How often the diagnosis names what is hidden: `cargo run --release -p cartpole --example naming_score -- [LOGS] [NOTHING] [SEED]`
-//! diagnoses LOGS rig logs with a drawn effect and NOTHING logs without one (60 s each), a line a log, from SEED on.
+//! How often the diagnosis names what is hidden: `cargo run --release -p cartpole --example naming_score -- [LOGS] [NOTHING] [SEED] [all]`
+//! diagnoses LOGS rig logs with a drawn effect and NOTHING logs without one (60 s each), a line a log, from SEED on. With `all` the rig takes
+//! the effects that it draws from in turn, every kind on every target.
 
 use std::error::Error;
 use std::path::Path;
@@ -12,7 +13,10 @@ use pinode_nn::log::Log;
 use pinode_nn::model::Model;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let mut numbers = std::env::args().skip(1).map(|a| a.parse::<u64>());
+    let (words, numbers): (Vec<String>, Vec<String>) =
+        std::env::args().skip(1).partition(|a| a == "all");
+    let all = !words.is_empty();
+    let mut numbers = numbers.iter().map(|a| a.parse::<u64>());
     let logs = numbers.next().transpose()?.unwrap_or(50);
     let nothing = numbers.next().transpose()?.unwrap_or(10);
     let first = numbers.next().transpose()?.unwrap_or(1000);
@@ -26,10 +30,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (mut first_right, mut exact, mut false_names, mut seconds) = (0, 0, 0, 0.0);
     for k in 0..logs + nothing {
         let seed = first + k;
-        let hidden = if k < logs {
-            rig::draw(&config, seed)
-        } else {
-            Hidden::Nothing
+        let hidden = match (k < logs, all) {
+            (true, false) => rig::draw(&config, seed),
+            (true, true) => rig::draw_of(&config, k as usize % rig::CASES_ALL, seed),
+            (false, _) => Hidden::Nothing,
         };
         let log = dir.path().join("log.csv");
         rig::run(&config, &hidden, seed)?.write_csv(&log)?;
