@@ -232,7 +232,7 @@ fn every_model_keeps_its_energy() {
             springs
                 .map(|e| match e.target {
                     Target::Coordinate(i) => 0.5 * e.values[0] * (q[i] - e.values[1]).powi(2),
-                    Target::Input(_) => 0.0,
+                    Target::Input(_) | Target::Link(_) => 0.0,
                 })
                 .sum()
         };

@@ -7,7 +7,8 @@ use std::sync::Arc;
 use integrators::gradient::{Adjoint, RollOutGradient, Schedule};
 use integrators::{Differentiable, Gradient, Jacobian, Method, Rk4, Space};
 use lagrange::Mechanics;
-use pinode_nn::hybrid::{Hybrid, HybridMotion};
+use pinode_nn::effect::{default_smoothing, registry};
+use pinode_nn::hybrid::{Hybrid, HybridMotion, Placed};
 use pinode_nn::model::Model;
 use pinode_nn::motion::Motion;
 
@@ -98,14 +99,29 @@ fn steps_and_derivatives_of_mechanisms_allocate_nothing() {
         let u = vec![0.1; motion.mechanics().nv()];
         assert_eq!(allocations(&motion, &u, &state), [0; 3], "{path}");
     }
-    let hybrid = Hybrid::of(&model("cartpole/cartpole.toml"));
-    let (theta, free) = (hybrid.theta(), hybrid.free());
-    let t: Vec<f64> = (0..=5).map(|k| 0.02 * f64::from(k)).collect();
-    let u: Vec<f64> = t.iter().map(|t| 2.0 * (9.0 * t).sin()).collect();
-    let inputs = hybrid.drive(&t, &[u], 20, &theta, &free);
-    let motion = HybridMotion::new(&hybrid, &theta, &free, &inputs);
-    let counted = allocations(&motion, &3, &[0.05, 2.4, 0.3, -2.0]);
-    assert_eq!(counted, [0; 3], "a hybrid model");
+    let plain = Hybrid::of(&model("cartpole/cartpole.toml"));
+    let mut changed = plain.clone();
+    for (kind, target) in [
+        ("added_mass", 2),
+        ("reflected_inertia", 0),
+        ("gravity_tilt", 0),
+    ] {
+        let placed = Placed {
+            kind: registry::find(kind).unwrap(),
+            target,
+            smoothing: default_smoothing(false),
+        };
+        changed.add(placed, &[0.02], false);
+    }
+    for hybrid in [plain, changed] {
+        let (theta, free) = (hybrid.theta(), hybrid.free());
+        let t: Vec<f64> = (0..=5).map(|k| 0.02 * f64::from(k)).collect();
+        let u: Vec<f64> = t.iter().map(|t| 2.0 * (9.0 * t).sin()).collect();
+        let inputs = hybrid.drive(&t, &[u], 20, &theta, &free);
+        let motion = HybridMotion::new(&hybrid, &theta, &free, &inputs);
+        let counted = allocations(&motion, &3, &[0.05, 2.4, 0.3, -2.0]);
+        assert_eq!(counted, [0; 3], "a hybrid model, {:?}", hybrid.effects());
+    }
 }
 
 /// Over `steps` steps in ten intervals: most bytes at one time that a new adjoint and its gradient take, and allocations of the same

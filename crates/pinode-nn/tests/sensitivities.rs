@@ -11,7 +11,7 @@ use pinode_nn::shooting::{Roller, Trajectory};
 
 const SUBSTEPS: usize = 4;
 
-/// The cart-pole with each kind of effect on the slider (or its sensor, or the motor), and friction on the pole, and one of the kinds that
+/// The cart-pole with each kind of effect on the slider (or its sensor, or the motor, or the link of the pole), and friction on the pole, and one of the kinds that
 /// may stand between the motor and the slider; all of θ free.
 fn with_every_effect(transmission: &str) -> Hybrid {
     let path = concat!(
@@ -20,6 +20,7 @@ fn with_every_effect(transmission: &str) -> Hybrid {
     );
     let model = Model::load(Path::new(path)).unwrap();
     let mut hybrid = Hybrid::of(&model);
+    let links = hybrid.links().to_vec();
     for kind in registry::ALL.iter().copied() {
         if kind.is_transmission() && kind.name != transmission {
             continue;
@@ -52,12 +53,18 @@ fn with_every_effect(transmission: &str) -> Hybrid {
             "dahl_friction" => &[40.0, 0.2],
             "lugre_friction" => &[60.0, 0.4, 0.1, 0.2, 0.1],
             "hysteresis" => &[12.0, 0.02],
+            "added_mass" => &[0.02],
+            "reflected_inertia" => &[0.02],
+            "gravity_tilt" => &[0.02],
             other => panic!("{other} is new: give it parameters here"),
         };
         let angular = false;
         let placed = Placed {
             kind,
-            target: 0,
+            target: match kind.acts_on() {
+                ActsOn::Link => links.iter().position(|l| l.name == "pole").unwrap(),
+                _ => 0,
+            },
             smoothing: 10.0 * default_smoothing(angular),
         };
         hybrid.add(placed, values, false);

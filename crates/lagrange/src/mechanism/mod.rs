@@ -11,6 +11,7 @@ mod recursion;
 mod rounding;
 mod shortcuts;
 mod tree;
+mod variants;
 
 pub use inertia::{Inertia, Inertial};
 pub use jacobian::Poses;

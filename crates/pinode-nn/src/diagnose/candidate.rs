@@ -8,7 +8,7 @@ use crate::hybrid::{Hybrid, Placed};
 pub struct Candidate {
     /// The kind.
     pub kind: &'static Kind,
-    /// The coordinate or the input: see [`Kind::acts_on`].
+    /// The coordinate, the input or the link: see [`Kind::acts_on`].
     pub target: usize,
 }
 
@@ -20,12 +20,19 @@ impl Candidate {
             let targets = match kind.acts_on() {
                 ActsOn::Joint | ActsOn::Sensor => hybrid.nv(),
                 ActsOn::Input => hybrid.inputs(),
+                ActsOn::Link => hybrid.links().len(),
             };
             for target in 0..targets {
                 let candidate = Candidate { kind, target };
                 // A way that goes round has no ends.
                 let coordinates = hybrid.mechanics().coordinates();
                 if kind.stop().is_some() && coordinates.get(target).is_some_and(|c| c.wraps) {
+                    continue;
+                }
+                if kind
+                    .inertial()
+                    .is_some_and(|change| !hybrid.may_change(change, target))
+                {
                     continue;
                 }
                 let covered = hybrid.effects().iter().any(|placed| {
@@ -80,13 +87,54 @@ impl Candidate {
         (with, theta)
     }
 
-    /// The scales on its target.
+    /// The scales on its target; for a link with the mass of its body.
     pub fn scales(&self, hybrid: &Hybrid, scales: &[Scales]) -> Scales {
-        scales[hybrid.coordinate_of(self.kind, self.target)]
+        let own = scales[hybrid.coordinate_of(self.kind, self.target)];
+        match self.kind.acts_on() {
+            ActsOn::Link => Scales {
+                mass: hybrid.mass_of_body(self.target).unwrap_or(own.mass),
+                ..own
+            },
+            _ => own,
+        }
     }
 
     /// Name of its target.
     pub fn target_name<'a>(&self, hybrid: &'a Hybrid, inputs: &'a [String]) -> &'a str {
         hybrid.target_name(self.kind, self.target, inputs)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+    use crate::model::Model;
+    use std::path::Path;
+
+    fn changes(path: &str) -> Vec<(&'static str, String)> {
+        let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
+        let model = Model::load(&models.join(path)).unwrap();
+        let hybrid = Hybrid::of(&model);
+        let inputs: Vec<String> = model.inputs.iter().map(|i| i.name.clone()).collect();
+        Candidate::all(&hybrid)
+            .into_iter()
+            .filter(|c| c.kind.inertial().is_some())
+            .map(|c| (c.kind.name, c.target_name(&hybrid, &inputs).to_owned()))
+            .collect()
+    }
+
+    #[test]
+    fn mechanics_may_be_changed_where_there_is_a_body_a_motor_or_a_base() {
+        let expected = [
+            ("gravity_tilt", "slider"),
+            ("added_mass", "cart"),
+            ("added_mass", "pole"),
+            ("reflected_inertia", "slider"),
+        ];
+        let found = changes("cartpole/cartpole.toml");
+        assert_eq!(found, expected.map(|(kind, on)| (kind, on.to_owned())));
+        assert!(changes("four_bar/four_bar.toml").is_empty(), "constraints");
     }
 }

@@ -31,6 +31,8 @@ pub fn locate(
     let mut noise_square = vec![0.0; nv];
     let mut times: Vec<(usize, f64)> = Vec::new();
     let mut signals = Signals::new(coordinates, input_names);
+    let mut memory = hybrid.memory(&[]);
+    let mut mass = nalgebra::DMatrix::zeros(nv, nv);
 
     for (r, run) in study.observations.runs.iter().enumerate() {
         let smooth = &smoothed[r];
@@ -59,12 +61,7 @@ pub fn locate(
                 .map(|c| readings[c].position_of(state[c], state[nv + c]))
                 .collect();
             let model = averaged(&modelled, k, &kernel);
-            let p = &theta[..hybrid.mechanics().parameters().len()];
-            let mut mass = nalgebra::DMatrix::zeros(nv, nv);
-            let mut work = hybrid.mechanics().workspace();
-            hybrid
-                .mechanics()
-                .mass_matrix_into(&q, p, &mut work, &mut mass);
+            hybrid.mass_matrix_into(&q, theta, &mut memory, &mut mass);
             // M (measured acceleration − modelled acceleration) is the missing force.
             for i in 0..nv {
                 let mut force = 0.0;

@@ -178,10 +178,8 @@ fn dominant_frequency(observations: &Observations, coordinate: usize) -> f64 {
 /// The scales of the motion, one a coordinate.
 fn scales(hybrid: &Hybrid, smoothed: &[Smoothed], observations: &Observations) -> Vec<Scales> {
     let nv = hybrid.nv();
-    let mechanics = hybrid.mechanics();
     let theta = hybrid.theta();
-    let p = &theta[..mechanics.parameters().len()];
-    let mut work = mechanics.workspace();
+    let mut memory = hybrid.memory(&[]);
     let mut mass = nalgebra::DMatrix::zeros(nv, nv);
     (0..nv)
         .map(|c| {
@@ -201,7 +199,7 @@ fn scales(hybrid: &Hybrid, smoothed: &[Smoothed], observations: &Observations) -
                 let stride = (s.q[c].len() / 500).max(1);
                 for k in (0..s.q[c].len()).step_by(stride) {
                     let state = s.state(k);
-                    mechanics.mass_matrix_into(&state[..nv], p, &mut work, &mut mass);
+                    hybrid.mass_matrix_into(&state[..nv], &theta, &mut memory, &mut mass);
                     square += (mass[(c, c)] * s.a[c][k]).powi(2);
                     entry += mass[(c, c)];
                     n += 1.0;

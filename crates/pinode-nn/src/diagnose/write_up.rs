@@ -36,6 +36,7 @@ pub fn revision(model: &Model, search: &Search, provenance: &Provenance) -> Revi
             let target = match placed.kind.acts_on() {
                 ActsOn::Joint | ActsOn::Sensor => Target::Coordinate(placed.target),
                 ActsOn::Input => Target::Input(placed.target),
+                ActsOn::Link => Target::Link(placed.target),
             };
             let own = model
                 .effects

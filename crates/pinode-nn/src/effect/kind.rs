@@ -1,6 +1,6 @@
 //! What the rest of the program knows of a kind of effect.
 
-use super::{Distortion, DriveLaw, DryFriction, JointForce, MemoryForce, RigidStop};
+use super::{Distortion, DriveLaw, DryFriction, Inertial, JointForce, MemoryForce, RigidStop};
 
 /// A kind of effect: its name in model files, its parameters and what it does.
 #[derive(Clone, Copy)]
@@ -88,6 +88,16 @@ impl Kind {
             Action::Joint(_) | Action::Memory(_) => ActsOn::Joint,
             Action::Sensor(_) => ActsOn::Sensor,
             Action::Drive(_) | Action::Transmission(_) => ActsOn::Input,
+            Action::Inertial(Inertial::PointMass) => ActsOn::Link,
+            Action::Inertial(Inertial::Rotor | Inertial::Tilt) => ActsOn::Joint,
+        }
+    }
+
+    /// What it does to the mechanics, if it changes them.
+    pub fn inertial(&self) -> Option<Inertial> {
+        match self.action {
+            Action::Inertial(change) => Some(change),
+            _ => None,
         }
     }
 
@@ -120,6 +130,8 @@ pub enum ActsOn {
     Sensor,
     /// An input.
     Input,
+    /// A link of a mechanism that is made of rigid bodies.
+    Link,
 }
 
 /// Kinds are the same when their names are.
@@ -167,6 +179,8 @@ pub enum Action {
     Transmission(&'static dyn MemoryForce),
     /// Changes what is read of a position; its target is the sensor of a joint, which goes by the joint's name.
     Sensor(Distortion),
+    /// Adds to M, C and G; its target is a joint, or a link.
+    Inertial(Inertial),
 }
 
 /// One parameter of a kind.

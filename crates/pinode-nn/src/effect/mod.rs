@@ -3,20 +3,23 @@
 //! An effect is known (it stands in the model), found (the diagnosis put it there) or a candidate (the diagnosis tries it).
 //! Each kind is one file with its formula, its parameters and its derivatives, and one line in [`registry`].
 //!
-//! There are five actions. A [`JointForce`] is a generalized force on one coordinate, a function of that coordinate's q and v.
+//! There are six actions. A [`JointForce`] is a generalized force on one coordinate, a function of that coordinate's q and v.
 //! Where it is dry friction spread over a smoothing velocity it also has the set-valued law itself, [`DryFriction`]; an end stop has
 //! the hard one that it is the compliance of, [`RigidStop`].
 //! A [`MemoryForce`] has states of its own; on a joint it acts beside all else, as a transmission it stands between an input and its
 //! joint. A [`DriveLaw`] changes an input on its way: a causal pass over the whole input signal. A [`Distortion`] is a sensor's.
+//! An [`Inertial`] one changes M, C and G.
 
 mod distortion;
 mod drive;
+mod inertial;
 mod joint_force;
 mod kind;
 mod memory;
 pub mod registry;
 
 mod actuator_lag;
+mod added_mass;
 mod asymmetric_coulomb_friction;
 mod asymmetric_viscous_friction;
 mod backlash;
@@ -26,6 +29,7 @@ mod cubic_spring;
 mod dahl_friction;
 mod elastic_transmission;
 mod end_stop;
+mod gravity_tilt;
 mod hysteresis;
 mod input_dead_zone;
 mod input_delay;
@@ -39,6 +43,7 @@ mod periodic_force;
 mod pointwise;
 mod position_dependent_friction;
 mod quadratic_drag;
+mod reflected_inertia;
 mod sensor_delay;
 mod sensor_offset;
 mod sensor_scale;
@@ -47,6 +52,7 @@ mod viscous_friction;
 
 pub use distortion::Distortion;
 pub use drive::{DriveLaw, Grid, Signal};
+pub use inertial::{Inertial, Misplaced, tilt_direction};
 pub use joint_force::{
     DryFriction, ForceLaw, JointForce, JointForceDerivatives, OnCoordinate, RigidStop, smooth_sign,
 };

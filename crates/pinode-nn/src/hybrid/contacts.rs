@@ -235,15 +235,13 @@ impl ContactSystem for HybridContacts<'_> {
             |law: &dyn JointForce| law.dry().is_none() && !(self.hard && law.stop().is_some());
         let parts = State { q, v, h: &[] };
         hybrid.load_where(is_smooth, parts, self.theta, self.inputs, *step, memory);
-        let p = &self.theta[hybrid.mechanics_range()];
+        hybrid.mass_matrix_into(q, self.theta, memory, mass);
+        hybrid.bias((q, v), self.theta, memory);
         let Memory {
-            work,
             acceleration: load,
             bias,
             ..
         } = memory;
-        hybrid.mechanics.mass_matrix_into(q, p, work, mass);
-        hybrid.mechanics.bias_force_into(q, v, p, work, bias);
         for ((f, load), bias) in force.iter_mut().zip(load.iter()).zip(bias.iter()) {
             *f = load - bias;
         }

@@ -5,6 +5,7 @@ use std::ops::Range;
 use lagrange::{ForwardDynamicsDerivatives, ForwardDynamicsGradient, Workspace};
 use nalgebra::{DMatrix, DVector};
 
+use super::extra::ExtraMemory;
 use super::{DrivenInputs, Hybrid, Placed, State};
 use crate::effect::{Action, JointForce, MemoryDerivatives, Seen, Signal};
 use crate::entries::Start;
@@ -26,6 +27,10 @@ impl Hybrid {
             rates: DVector::zeros(nh),
             driven: DVector::zeros(n),
             bias: DVector::zeros(n),
+            extra: self
+                .extra
+                .as_ref()
+                .map(|e| e.memory(n, self.mechanics_range().len(), mechanics.len())),
             by: ForwardDynamicsDerivatives::zeros(n, mechanics.len()),
             mechanics,
             forces: DMatrix::zeros(n, columns),
@@ -50,10 +55,50 @@ impl Hybrid {
         self.load(state, theta, inputs, step, memory);
         let p = &theta[self.mechanics_range()];
         let Memory {
-            work, acceleration, ..
+            work,
+            acceleration,
+            extra,
+            ..
         } = memory;
-        self.mechanics
-            .forward_dynamics_into(state.q, state.v, p, work, acceleration)
+        match (&self.extra, extra) {
+            (Some(added), Some(memory)) => {
+                let mechanics = (self.mechanics(), p);
+                added.forward_dynamics(mechanics, state, theta, work, memory, acceleration)
+            }
+            _ => self
+                .mechanics
+                .forward_dynamics_into(state.q, state.v, p, work, acceleration),
+        }
+    }
+
+    /// M(q), with what the effects add to it.
+    pub fn mass_matrix_into(
+        &self,
+        q: &[f64],
+        theta: &[f64],
+        memory: &mut Memory,
+        out: &mut DMatrix<f64>,
+    ) {
+        let p = &theta[self.mechanics_range()];
+        let Memory { work, extra, .. } = memory;
+        match (&self.extra, extra) {
+            (Some(added), Some(memory)) => {
+                added.mass_matrix((self.mechanics(), p), q, theta, work, memory, out);
+            }
+            _ => self.mechanics.mass_matrix_into(q, p, work, out),
+        }
+    }
+
+    /// C v + G, with what the effects add to it, into `memory.bias`.
+    pub(super) fn bias(&self, (q, v): (&[f64], &[f64]), theta: &[f64], memory: &mut Memory) {
+        let p = &theta[self.mechanics_range()];
+        let Memory {
+            work, extra, bias, ..
+        } = memory;
+        self.mechanics.bias_force_into(q, v, p, work, bias);
+        if let (Some(added), Some(memory)) = (&self.extra, extra) {
+            added.add_bias((q, v), (theta, p), memory, bias);
+        }
     }
 
     /// Q of inputs and effects, into `memory.acceleration`, and ḣ.
@@ -173,15 +218,27 @@ impl Hybrid {
         let first_constant = 2 * n + self.nh();
         let p = &theta[self.mechanics_range()];
         let by = &mut memory.by;
-        self.mechanics.forward_dynamics_derivatives_into(
-            state.q,
-            state.v,
-            memory.acceleration.as_slice(),
-            p,
-            &memory.mechanics,
-            &mut memory.work,
-            by,
-        )?;
+        match (&self.extra, &mut memory.extra) {
+            (Some(added), Some(room)) => added.derivatives(
+                (&*self.mechanics, p),
+                state,
+                theta,
+                &memory.acceleration,
+                &memory.mechanics,
+                &mut memory.work,
+                room,
+                by,
+            )?,
+            _ => self.mechanics.forward_dynamics_derivatives_into(
+                state.q,
+                state.v,
+                memory.acceleration.as_slice(),
+                p,
+                &memory.mechanics,
+                &mut memory.work,
+                by,
+            )?,
+        }
         memory.acceleration.copy_from(&by.acceleration);
         // First ∂Q/∂x of what makes Q, and ∂ḣ/∂x.
         let rhs = &mut memory.forces;
@@ -247,6 +304,15 @@ impl Hybrid {
                 }
             }
         }
+        // ∂v̇/∂p = −M⁻¹ ∂ID/∂p.
+        if let (Some(added), Some(room)) = (&self.extra, &memory.extra) {
+            for (&index, by_slot) in added.parameters.iter().zip(room.by_slot.column_iter()) {
+                if let Some(column) = column(index) {
+                    let mut to = rhs.column_mut(column);
+                    to -= by_slot;
+                }
+            }
+        }
         // ∂v̇/∂x = ∂v̇/∂Q ∂Q/∂x, and what the mechanics adds.
         let linear = &mut memory.accelerations;
         by.by_force.mul_to(rhs, linear);
@@ -282,15 +348,27 @@ impl Hybrid {
         let (of_v, of_h) = weight.split_at(self.nv());
         let p = &theta[self.mechanics_range()];
         let by = &mut memory.gradient;
-        self.mechanics.forward_dynamics_gradient_into(
-            state.q,
-            state.v,
-            memory.acceleration.as_slice(),
-            p,
-            of_v,
-            &mut memory.work,
-            by,
-        )?;
+        match (&self.extra, &mut memory.extra) {
+            (Some(added), Some(room)) => added.gradient(
+                (&*self.mechanics, p),
+                state,
+                theta,
+                &memory.acceleration,
+                of_v,
+                &mut memory.work,
+                room,
+                by,
+            )?,
+            _ => self.mechanics.forward_dynamics_gradient_into(
+                state.q,
+                state.v,
+                memory.acceleration.as_slice(),
+                p,
+                of_v,
+                &mut memory.work,
+                by,
+            )?,
+        }
         memory.acceleration.copy_from(&by.acceleration);
         let mut add_to_theta = |index: usize, part: f64| {
             if let Ok(k) = free.binary_search(&index) {
@@ -299,6 +377,11 @@ impl Hybrid {
         };
         for &index in &memory.mechanics {
             add_to_theta(index, by.by_p[index]);
+        }
+        if let (Some(added), Some(room)) = (&self.extra, &memory.extra) {
+            for (&index, of_slot) in added.parameters.iter().zip(&room.of_slots) {
+                add_to_theta(index, -of_slot);
+            }
         }
         for ((signal, &coordinate), carried) in inputs
             .forces
@@ -371,6 +454,8 @@ pub struct Memory {
     pub(super) driven: DVector<f64>,
     /// C v + G.
     pub(super) bias: DVector<f64>,
+    /// What the effects that change the mechanics need.
+    pub(super) extra: Option<ExtraMemory>,
     by: ForwardDynamicsDerivatives,
     /// ∂Q/∂(q, v, h, θ_free) of inputs and effects.
     forces: DMatrix<f64>,

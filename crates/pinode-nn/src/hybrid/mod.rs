@@ -4,11 +4,13 @@
 //!
 //! ū_i is input i after the drive effects on it, g_i its gain, B_i picks its coordinate, f = g ū; Q_e are the effects that are forces, h
 //! the states of those with a memory. A state of the model is x = (q, v, h), h effect after effect.
+//! M, C and G are those of the mechanics and of the effects that change it, see [`Inertial`].
 //! What can be estimated is one vector θ of [`Constant`]s: the constants of the mechanics, the input gains, the zeros of the
 //! sensors, and the parameters of the effects, in this order.
 
 mod contacts;
 mod dynamics;
+mod extra;
 mod hidden;
 mod jumps;
 mod motion;
@@ -18,9 +20,10 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use integrators::{Flat, PhaseSpace, Product, Space};
+use lagrange::mechanism::Link;
 use lagrange::{Mechanics, Role};
 
-use crate::effect::{Action, ActsOn, Grid, Kind, Signal, default_smoothing};
+use crate::effect::{Action, ActsOn, Grid, Inertial, Kind, Signal, default_smoothing};
 use crate::entries::{Start, starts};
 use crate::model::{Model, Target};
 use crate::motion::Positions;
@@ -31,6 +34,8 @@ pub use hidden::HiddenPath;
 pub use jumps::HeldInputs;
 pub use motion::HybridMotion;
 pub use reading::{Predicted, Reading};
+
+use extra::{Extra, Variants};
 
 /// One entry of θ.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,7 +70,7 @@ pub enum ConstantId {
 pub struct Placed {
     /// What it is.
     pub kind: &'static Kind,
-    /// The coordinate it sits on (or whose sensor it sits on), or the input: see [`Kind::acts_on`].
+    /// The coordinate it sits on (or whose sensor it sits on), the input, or the link: see [`Kind::acts_on`].
     pub target: usize,
     /// Velocity over which a sign change of friction is spread, m/s or rad/s.
     pub smoothing: f64,
@@ -100,6 +105,10 @@ pub struct Hybrid {
     /// Whether a transmission stands between an input and its joint.
     carried: Vec<bool>,
     constants: Vec<Constant>,
+    /// The mechanisms that effects add, of a model made of rigid bodies.
+    variants: Option<Arc<Variants>>,
+    /// What the effects add to M, C and G.
+    extra: Option<Arc<Extra>>,
     /// Factor on all smoothing velocities: halved to see whether a finding is numerical.
     smoothing_scale: f64,
 }
@@ -153,10 +162,12 @@ impl Hybrid {
         }
         let coordinates = model.inputs.iter().map(|input| input.coordinate).collect();
         let mut hybrid = Hybrid::new(mechanics, coordinates, constants);
+        hybrid.variants = model.tree.clone().map(|tree| Arc::new(Variants::new(tree)));
         for entry in &model.effects {
             let target = match entry.target {
                 Target::Coordinate(c) => c,
                 Target::Input(i) => i,
+                Target::Link(l) => l,
             };
             let angular = hybrid.is_angular(entry.kind, target);
             let placed = Placed {
@@ -195,11 +206,16 @@ impl Hybrid {
             ranges: Vec::new(),
             state_ranges: Vec::new(),
             constants,
+            variants: None,
+            extra: None,
             smoothing_scale: 1.0,
         }
     }
 
     /// Adds an effect with these parameter values; they are free, or exact when `fixed`.
+    ///
+    /// With an effect that changes the mechanics where [`Inertial::check`] refuses it, there is no motion: accelerations are NaN, and
+    /// an error.
     pub fn add(&mut self, effect: Placed, values: &[f64], fixed: bool) {
         let first = self.constants.len();
         let index = self.effects.len();
@@ -227,6 +243,9 @@ impl Hybrid {
         }
         self.effects.push(effect);
         self.ranges.push(first..self.constants.len());
+        if effect.kind.inertial().is_some() {
+            self.extra = Extra::of(self).map(Arc::new);
+        }
     }
 
     /// The model without effect `index`; the later ones move up.
@@ -241,6 +260,7 @@ impl Hybrid {
                 ..self.space.clone()
             },
             constants: self.constants[..self.base_len()].to_vec(),
+            extra: None,
             ..self.clone()
         };
         for (i, effect) in self.effects.iter().enumerate() {
@@ -308,12 +328,13 @@ impl Hybrid {
         match kind.acts_on() {
             ActsOn::Joint | ActsOn::Sensor => target,
             ActsOn::Input => self.input_coordinates[target],
+            ActsOn::Link => self.carrier(target).unwrap_or(0),
         }
     }
 
     /// Whether the quantities of an effect of this kind on this target are those of an angle.
     pub fn is_angular(&self, kind: &Kind, target: usize) -> bool {
-        let own_units = !matches!(kind.action, Action::Drive(_));
+        let own_units = !matches!(kind.action, Action::Drive(_)) && kind.acts_on() != ActsOn::Link;
         own_units && self.mechanics.coordinates()[self.coordinate_of(kind, target)].angular
     }
 
@@ -322,7 +343,50 @@ impl Hybrid {
         match kind.acts_on() {
             ActsOn::Joint | ActsOn::Sensor => &self.mechanics.coordinates()[target].name,
             ActsOn::Input => &inputs[target],
+            ActsOn::Link => self.links().get(target).map_or("", |link| &link.name),
         }
+    }
+
+    /// The links of a mechanism that is made of rigid bodies; none of another one.
+    pub fn links(&self) -> &[Link] {
+        self.variants.as_ref().map_or(&[], |v| v.tree().links())
+    }
+
+    /// The coordinate that moves the body of a link.
+    fn carrier(&self, link: usize) -> Option<usize> {
+        let tree = self.variants.as_ref()?.tree();
+        let body = tree.bodies().get(tree.links().get(link)?.body?)?;
+        match body.joint {
+            Some(joint) => tree.joints().get(joint)?.coordinate,
+            // A base that floats comes first.
+            None => Some(0),
+        }
+    }
+
+    /// The mass of the body that link `link` belongs to, kg, where this is the first link of a body that has mass.
+    pub fn mass_of_body(&self, link: usize) -> Option<f64> {
+        let tree = self.variants.as_ref()?.tree();
+        let link = tree.links().get(link)?;
+        let body = tree.bodies().get(link.body?)?;
+        (body.name == link.name && body.mass > 0.0).then_some(body.mass)
+    }
+
+    /// Whether an effect that changes the mechanics may be looked for on `target`: a rotor where a motor is, a mass once in each body
+    /// that has some, a tilt where a joint is on the base.
+    pub fn may_change(&self, change: Inertial, target: usize) -> bool {
+        let tree = self.variants.as_ref().map(|v| v.tree());
+        let theta = self.theta();
+        let p = &theta[self.mechanics_range()];
+        let sensible = match change {
+            Inertial::Rotor => self.input_coordinates.contains(&target),
+            Inertial::PointMass => self.mass_of_body(target).is_some(),
+            Inertial::Tilt => tree.is_some_and(|tree| {
+                let on_base = tree.bodies().iter().filter(|body| body.parent.is_none());
+                let mut joints = on_base.filter_map(|body| tree.joints().get(body.joint?));
+                joints.any(|joint| joint.is_independent() && joint.coordinate == Some(target))
+            }),
+        };
+        sensible && change.check(target, self.mechanics(), p, tree).is_ok()
     }
 
     /// Number of inputs.

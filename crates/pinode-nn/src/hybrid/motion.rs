@@ -120,17 +120,34 @@ impl Mechanical for HybridMotion<'_> {
         out: &mut [f64],
     ) -> Result<(), Diverged> {
         let (mechanics, p) = (self.hybrid.mechanics(), self.constants());
-        let Memory { momenta, work, .. } = memory;
+        let Memory {
+            momenta,
+            work,
+            extra,
+            ..
+        } = memory;
         momenta.momentum(mechanics, state, p, work, out);
+        if let (Some(added), Some(room)) = (&self.hybrid.extra, extra) {
+            added.add_momentum(state, self.theta, room, out);
+        }
         Ok(())
     }
 
     fn velocity(&self, q: &[f64], memory: &mut Memory, out: &mut [f64]) -> Result<(), Diverged> {
         let (mechanics, p) = (self.hybrid.mechanics(), self.constants());
-        let Memory { momenta, work, .. } = memory;
-        momenta
-            .velocity(mechanics, q, p, work, out)
-            .map_err(fault(q))
+        let Memory {
+            momenta,
+            work,
+            extra,
+            ..
+        } = memory;
+        match (&self.hybrid.extra, extra) {
+            (Some(added), Some(room)) => {
+                added.velocity((mechanics, p), q, self.theta, work, room, out)
+            }
+            _ => momenta.velocity(mechanics, q, p, work, out),
+        }
+        .map_err(fault(q))
     }
 
     fn position_force(
@@ -147,8 +164,17 @@ impl Mechanical for HybridMotion<'_> {
         self.hybrid
             .load(State { q, v, h }, self.theta, self.inputs, *step, memory);
         out.copy_from_slice(memory.acceleration.as_slice());
-        let Memory { momenta, work, .. } = memory;
+        let Memory {
+            momenta,
+            work,
+            extra,
+            ..
+        } = memory;
         momenta.position_force(mechanics, self.positions(), state, p, work, out);
+        if let (Some(added), Some(room)) = (&self.hybrid.extra, extra) {
+            let at = self.positions();
+            added.add_position_force(at, state, (self.theta, p), momenta, room, out);
+        }
         Ok(())
     }
 

@@ -2,19 +2,14 @@
 
 use lagrange::{Mechanics, Position, Problem};
 
-use super::document::{Faults, Section};
+use super::document::{Faults, Placed, Section};
 use super::mechanism::{JointFriction, Mechanism, find_coordinate};
 use super::{EffectEntry, Input, Target};
-use crate::effect::{ActsOn, Kind, RigidStop, registry};
+use crate::effect::{ActsOn, Kind, Misplaced, RigidStop, registry};
 use crate::naming::{hint, nearest, quoted};
 
 /// Kinds of the file format that this version cannot compute.
-const RESERVED: &[&str] = &[
-    "gravity_tilt",
-    "added_mass",
-    "reflected_inertia",
-    "neural_network",
-];
+const RESERVED: &[&str] = &["neural_network"];
 
 /// The `[[effect]]` tables, each with its byte offset.
 pub(super) fn read(
@@ -24,13 +19,21 @@ pub(super) fn read(
     faults: &mut Faults,
 ) -> Vec<(usize, EffectEntry)> {
     let mut effects: Vec<(usize, EffectEntry)> = Vec::new();
+    let body_of = |effect: &EffectEntry| match effect.target {
+        Target::Link(link) => mechanism?.tree.as_ref()?.links().get(link)?.body,
+        _ => None,
+    };
     for table in root.sections("effect", faults) {
         let Some(effect) = read_one(&table, mechanism, inputs, faults) else {
             continue;
         };
+        let body = body_of(&effect);
+        let same = |other: &EffectEntry| {
+            other.target == effect.target || (body.is_some() && body_of(other) == body)
+        };
         if effects
             .iter()
-            .any(|(_, other)| other.kind == effect.kind && other.target == effect.target)
+            .any(|(_, other)| other.kind == effect.kind && same(other))
         {
             faults.at(
                 table.offset,
@@ -64,25 +67,29 @@ fn read_one(
     faults: &mut Faults,
 ) -> Option<EffectEntry> {
     let kind = read_kind(table, faults)?;
-    let of_input = kind.acts_on() == ActsOn::Input;
-    let target_key = if of_input { "input" } else { "joint" };
+    let (target_key, sits_on) = match kind.acts_on() {
+        ActsOn::Joint | ActsOn::Sensor => ("joint", "a joint"),
+        ActsOn::Input => ("input", "an input"),
+        ActsOn::Link => ("link", "a link"),
+    };
 
     let mut known = vec!["kind", target_key, "fixed"];
-    let smoothed = kind.acts_on() == ActsOn::Joint;
+    let smoothed = kind.acts_on() == ActsOn::Joint && kind.inertial().is_none();
     if smoothed {
         known.push("smoothing");
     }
     known.extend(kind.parameters.iter().map(|p| p.name));
-    if let Some(value) = table.get(if of_input { "joint" } else { "input" }) {
+    let others = ["joint", "input", "link"];
+    let mut others = others.into_iter().filter(|key| *key != target_key);
+    if let Some(value) = others.find_map(|key| table.get(key)) {
         faults.at(
             value.span().start,
             format!(
-                "{} acts on {}: write `{target_key} = \"…\"`",
-                kind.name,
-                if of_input { "an input" } else { "a joint" }
+                "{} acts on {sits_on}: write `{target_key} = \"…\"`",
+                kind.name
             ),
         );
-        known.extend(["joint", "input"]);
+        known.extend(["joint", "input", "link"]);
     }
     let titled = Section {
         title: kind.name.to_owned(),
@@ -90,27 +97,29 @@ fn read_one(
     };
     titled.check_keys(&known, faults);
 
-    let target = titled
-        .needed_string(target_key, faults)
-        .and_then(|name| match of_input {
-            false => find_coordinate(mechanism?, name.value, name.offset(), faults)
-                .map(Target::Coordinate),
-            true => {
-                let index = inputs.iter().position(|input| input.name == name.value);
-                if index.is_none() {
-                    let names: Vec<&str> = inputs.iter().map(|i| i.name.as_str()).collect();
-                    faults.at(
-                        name.offset(),
-                        format!(
-                            "unknown input {}{}",
-                            quoted(name.value),
-                            hint(name.value, "inputs", &names)
-                        ),
-                    );
-                }
-                index.map(Target::Input)
+    let named = titled.needed_string(target_key, faults);
+    let place = named.as_ref().map(|name| name.offset());
+    let target = named.and_then(|name| match kind.acts_on() {
+        ActsOn::Joint | ActsOn::Sensor => {
+            find_coordinate(mechanism?, name.value, name.offset(), faults).map(Target::Coordinate)
+        }
+        ActsOn::Link => find_link(kind, mechanism?, &name, faults).map(Target::Link),
+        ActsOn::Input => {
+            let index = inputs.iter().position(|input| input.name == name.value);
+            if index.is_none() {
+                let names: Vec<&str> = inputs.iter().map(|i| i.name.as_str()).collect();
+                faults.at(
+                    name.offset(),
+                    format!(
+                        "unknown input {}{}",
+                        quoted(name.value),
+                        hint(name.value, "inputs", &names)
+                    ),
+                );
             }
-        });
+            index.map(Target::Input)
+        }
+    });
     let coordinate = match target {
         Some(Target::Coordinate(i)) => Some(i),
         Some(Target::Input(i)) if kind.memory().is_some() => inputs.get(i).map(|i| i.coordinate),
@@ -180,13 +189,56 @@ fn read_one(
             faults.at(table.offset, format!("{} {fault}", kind.name));
         }
     }
+    let target = target?;
+    if let (Some(change), Some(mechanism), Target::Coordinate(at) | Target::Link(at)) =
+        (kind.inertial(), mechanism, target)
+        && let Err(misplaced) = change.check(
+            at,
+            &*mechanism.mechanics,
+            &mechanism.mechanics.nominal(),
+            mechanism.tree.as_ref(),
+        )
+    {
+        let offset = place.unwrap_or(table.offset);
+        faults.at(offset, format!("{} {misplaced}", kind.name));
+    }
     Some(EffectEntry {
         kind,
-        target: target?,
+        target,
         values,
         smoothing,
         fixed,
     })
+}
+
+/// The link called `name`.
+fn find_link(
+    kind: &Kind,
+    mechanism: &Mechanism,
+    name: &Placed<&str>,
+    faults: &mut Faults,
+) -> Option<usize> {
+    let Some(tree) = &mechanism.tree else {
+        faults.at(
+            name.offset(),
+            format!("{} {}", kind.name, Misplaced::NoBodies),
+        );
+        return None;
+    };
+    let links = tree.links();
+    let index = links.iter().position(|link| link.name == name.value);
+    if index.is_none() {
+        let names: Vec<&str> = links.iter().map(|link| link.name.as_str()).collect();
+        faults.at(
+            name.offset(),
+            format!(
+                "unknown link {}{}",
+                quoted(name.value),
+                hint(name.value, "links", &names)
+            ),
+        );
+    }
+    index
 }
 
 /// What no stops can be.

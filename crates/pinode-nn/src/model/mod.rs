@@ -59,6 +59,8 @@
 //! or an `[[effect]]` of the same kind sits on the same joint. Its `<limit>`s do not become stops: a rail that ends has an `[[effect]]`
 //! of the kind `end_stop` with `stiffness` and `damping`, and `lower`, `upper` or both; a side that is left out is open.
 //!
+//! An `added_mass` sits on a link of a URDF, `link = "pole"`, and is a point mass at the centre of mass of all that is welded to it.
+//!
 //! `joint`, `[sensor.…]`, `zero` and the columns of a log name coordinates: a joint with one coordinate gives it its name, a planar
 //! joint has three (`foot.x`, `foot.y`, `foot.theta`; in TOML `[sensor."foot.x"]`). The pose of a floating body cannot be named there:
 //! it is no single number.
@@ -153,6 +155,8 @@ pub enum Target {
     Coordinate(usize),
     /// The input with this index.
     Input(usize),
+    /// The link with this index in [`Tree::links`].
+    Link(usize),
 }
 
 impl Model {
@@ -209,6 +213,10 @@ impl Model {
         match target {
             Target::Coordinate(i) => self.mechanics.coordinates().get(i).map(|c| c.name.as_str()),
             Target::Input(i) => self.inputs.get(i).map(|input| input.name.as_str()),
+            Target::Link(i) => {
+                let link = self.tree.as_ref().and_then(|tree| tree.links().get(i));
+                link.map(|link| link.name.as_str())
+            }
         }
         .unwrap_or("")
     }
@@ -218,6 +226,7 @@ impl Model {
         let coordinate = match target {
             Target::Coordinate(i) => Some(i),
             Target::Input(i) => self.inputs.get(i).map(|input| input.coordinate),
+            Target::Link(_) => None,
         };
         coordinate
             .and_then(|i| self.mechanics.coordinates().get(i))

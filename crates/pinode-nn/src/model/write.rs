@@ -202,11 +202,9 @@ impl Model {
                     .unwrap_or("")
                     .to_owned()
             };
-            let target = match table.get("joint") {
-                Some(_) => text("joint"),
-                None => text("input"),
-            };
-            (text("kind"), target)
+            let key = ["joint", "input", "link"];
+            let key = key.into_iter().find(|key| table.contains_key(key));
+            (text("kind"), key.map(text).unwrap_or_default())
         };
         let key_of = |entry: &EffectEntry| -> (String, String) {
             let target = self.target_name(entry.target).to_owned();
@@ -234,6 +232,7 @@ impl Model {
                     let target_key = match entry.target {
                         Target::Coordinate(_) => "joint",
                         Target::Input(_) => "input",
+                        Target::Link(_) => "link",
                     };
                     set(&mut table, target_key, Value::from(key.1));
                     fill(&mut table, entry);

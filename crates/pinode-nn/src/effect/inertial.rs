@@ -1,0 +1,184 @@
+//! Effects that change the mechanics themselves, and where they make sense.
+
+use lagrange::Mechanics;
+use lagrange::mechanism::Tree;
+use nalgebra::Vector3;
+
+use crate::entries::starts;
+use crate::motion::{NotFree, check_free};
+
+/// A horizontal part of an axis below this counts as none.
+const VERTICAL: f64 = 1e-6;
+
+/// An effect that adds to M, C and G.
+///
+/// With ID(q, v, v̇; g) = M v̇ + C v + G of the mechanism under gravity g, the motion obeys
+///
+/// ID + Σ I v̇_j e_j + Σ m ID₁(q, v, v̇; g) + Σ (sin α G(q; |g| d) + (cos α − 1) G(q; g)) = Q
+///
+/// where ID₁ is that of the same joints with 1 kg at the centre of mass of one body and nothing else, and d is a horizontal direction
+/// ([`tilt_direction`]). What is tilted are the weights of added masses too.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Inertial {
+    /// Inertia on one coordinate that accelerates with it and with nothing else; its target is a joint.
+    Rotor,
+    /// A point mass at the centre of mass of a body; its target is a link of the body.
+    PointMass,
+    /// The base stands at an angle; its target is the joint that says about which direction.
+    Tilt,
+}
+
+/// Why an effect that changes the mechanics cannot sit where it should.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Misplaced {
+    /// The coordinates obey equations.
+    #[error(
+        "is for mechanisms without constraints, and this one obeys {count} (`{first}` …): change the masses of the mechanism itself"
+    )]
+    Constrained {
+        /// How many are in force.
+        count: usize,
+        /// The first of them.
+        first: String,
+    },
+    /// T is not ½ vᵀ M(q) v.
+    #[error(
+        "adds to M(q), and T is not quadratic in the velocities, so that M is not all of it: write the inertia into `kinetic`"
+    )]
+    NotQuadratic,
+    /// The mechanism is energies, without bodies.
+    #[error(
+        "needs the bodies of a URDF, and [lagrangian] has energies only: write it into `kinetic` and `potential`"
+    )]
+    NoBodies,
+    /// The link does not move.
+    #[error(
+        "sits on `{link}`, which is welded to the world and moves no mass: name a link that moves"
+    )]
+    Welded {
+        /// The link.
+        link: String,
+    },
+    /// A turn about a vertical axis, or a vertical rail, does not change how gravity acts.
+    #[error(
+        "sits on `{coordinate}`, whose axis is vertical: no direction of the tilt is told by it; name a joint with a horizontal axis"
+    )]
+    Vertical {
+        /// The coordinate.
+        coordinate: String,
+    },
+    /// There is no gravity.
+    #[error("tilts gravity, and `gravity` is 0: leave it out")]
+    Weightless,
+    /// There is no such joint or link.
+    #[error("sits on number {index}, which there is not: there are {count}")]
+    NoSuchTarget {
+        /// The index.
+        index: usize,
+        /// How many there are.
+        count: usize,
+    },
+}
+
+impl Inertial {
+    /// Whether it can sit on `target`, a coordinate or a link of the mechanism with the constants `p`, whose bodies are `tree`.
+    ///
+    /// # Errors
+    /// [`Misplaced`].
+    pub fn check(
+        self,
+        target: usize,
+        mechanics: &dyn Mechanics,
+        p: &[f64],
+        tree: Option<&Tree>,
+    ) -> Result<(), Misplaced> {
+        if let Some(constraints) = mechanics.constraints() {
+            let names = constraints.names();
+            return Err(Misplaced::Constrained {
+                count: names.len(),
+                first: names.first().cloned().unwrap_or_default(),
+            });
+        }
+        // For rigid bodies it always is.
+        if tree.is_none()
+            && let Err(NotFree::NotQuadratic { .. }) = check_free(mechanics, p)
+        {
+            return Err(Misplaced::NotQuadratic);
+        }
+        let on_joint = |index: usize| match mechanics.coordinates().get(index) {
+            Some(coordinate) if !coordinate.floating => Ok(coordinate),
+            _ => Err(Misplaced::NoSuchTarget {
+                index,
+                count: mechanics.coordinates().len(),
+            }),
+        };
+        match self {
+            Inertial::Rotor => on_joint(target).map(|_| ()),
+            Inertial::PointMass => {
+                let tree = tree.ok_or(Misplaced::NoBodies)?;
+                let link = tree.links().get(target).ok_or(Misplaced::NoSuchTarget {
+                    index: target,
+                    count: tree.links().len(),
+                })?;
+                match link.body {
+                    Some(_) => Ok(()),
+                    None => Err(Misplaced::Welded {
+                        link: link.name.clone(),
+                    }),
+                }
+            }
+            Inertial::Tilt => {
+                let coordinate = on_joint(target)?;
+                let tree = tree.ok_or(Misplaced::NoBodies)?;
+                if tree.gravity() == [0.0; 3] {
+                    return Err(Misplaced::Weightless);
+                }
+                match tilt_direction(tree, target) {
+                    Some(_) => Ok(()),
+                    None => Err(Misplaced::Vertical {
+                        coordinate: coordinate.name.clone(),
+                    }),
+                }
+            }
+        }
+    }
+}
+
+/// The horizontal unit direction d towards which gravity moves where the base is tilted about coordinate `c`, in the world's axes; `None`
+/// for a vertical axis, and where nothing has weight.
+///
+/// For a coordinate that slides, against the horizontal part of its axis: a positive angle raises the positive end. For one that turns,
+/// −axis × g: a positive angle turns the base about the joint's axis. The axes are those of the neutral configuration.
+pub fn tilt_direction(tree: &Tree, c: usize) -> Option<[f64; 3]> {
+    let g = Vector3::from(tree.gravity());
+    let down = g.try_normalize(0.0)?;
+    let joint = tree.joints().iter().find(|joint| {
+        let first = joint.coordinate.unwrap_or(usize::MAX);
+        // A planar joint has three coordinates.
+        joint.is_independent() && (first..first.saturating_add(3)).contains(&c) && {
+            tree.coordinates()
+                .get(c)
+                .is_some_and(|own| own.joint == joint.name)
+        }
+    })?;
+    let link = tree
+        .links()
+        .iter()
+        .position(|link| link.name == joint.child)?;
+    let start = starts(tree.coordinates()).get(c)?.v;
+    let neutral = lagrange::state::neutral(tree.coordinates());
+    let jacobian = tree.link_jacobian(&neutral, link, [0.0; 3]).ok()?;
+    let column = jacobian.column(start);
+    let slide: Vector3<f64> = column.fixed_rows::<3>(0).into_owned();
+    let turn: Vector3<f64> = column.fixed_rows::<3>(3).into_owned();
+    let horizontal = match turn.try_normalize(VERTICAL) {
+        Some(axis) => -axis.cross(&down),
+        None => {
+            let axis = slide.try_normalize(VERTICAL)?;
+            down * axis.dot(&down) - axis
+        }
+    };
+    Some(horizontal.try_normalize(VERTICAL)?.into())
+}
