@@ -4,10 +4,15 @@
 use std::path::{Path, PathBuf};
 
 use integrators::{Differentiable, Gradient, Jacobian, Space, System};
+use pinode_nn::diagnose::diagnose;
 use pinode_nn::effect::{Misplaced, default_smoothing, registry, tilt_direction};
 use pinode_nn::free_run::{Scheme, simulate_by};
 use pinode_nn::hybrid::{Hybrid, HybridMotion, Placed, State};
+use pinode_nn::log::{Log, Run};
 use pinode_nn::model::{EffectEntry, Model, Revision, Target};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
 
 fn models() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models")
@@ -434,4 +439,71 @@ fn what_cannot_change_the_mechanics_is_refused_where_it_stands() {
             .acceleration(state, &theta, &inputs, 0, &mut memory)
             .is_err()
     );
+}
+
+/// A recording of the cart-pole of the repository with one effect more, by its own equations, with the noise and the steps of its sensors;
+/// the pole starts near its lower rest.
+fn recording(effect: &str) -> Log {
+    let cartpole = models().join("cartpole");
+    let text = std::fs::read_to_string(cartpole.join("cartpole.toml")).unwrap();
+    let text = format!("{text}\n{effect}");
+    let model = Model::parse(&cartpole.join("truth.toml"), text).unwrap();
+    let t: Vec<f64> = (0..1501).map(|k| 0.02 * f64::from(k)).collect();
+    let wave = |t: f64, w: f64, phase: f64| (w * t + phase).sin();
+    let u: Vec<f64> = t
+        .iter()
+        .map(|&t| 1.5 * wave(t, 2.3, 0.0) + 1.2 * wave(t, 5.9, 1.0) + 0.9 * wave(t, 11.3, 2.0))
+        .collect();
+    let initial = [0.0, 3.4, 0.0, 0.0];
+    let u = vec![u];
+    let states = simulate_by(Scheme::Rk4, &model, "0", &t, &u, &initial, 1e-3).unwrap();
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let slider = states.iter().map(|x| {
+        let noise: f64 = rng.sample(StandardNormal);
+        x[0] + 0.8e-3 * noise
+    });
+    let slider = slider.collect();
+    let step = std::f64::consts::TAU / 4096.0;
+    let pole = states.iter().map(|x| (x[1] / step).round() * step);
+    Log {
+        path: PathBuf::from("log.csv"),
+        sha256: String::new(),
+        runs: vec![Run {
+            id: "0".into(),
+            t,
+            q: vec![slider, pole.collect()],
+            v: vec![None, None],
+            u,
+        }],
+        warnings: Vec::new(),
+    }
+}
+
+/// The effect is the first that is named, or one of those that the log cannot tell from it, with its size to 15 %.
+#[test]
+fn the_diagnosis_names_what_changes_the_mechanics() {
+    let model = Model::load(&models().join("cartpole/cartpole.toml")).unwrap();
+    for (kind, key, target, parameter, value) in [
+        ("added_mass", "link", "pole", "mass", 0.03),
+        ("reflected_inertia", "joint", "slider", "inertia", 0.15),
+        ("gravity_tilt", "joint", "slider", "angle", 0.03),
+    ] {
+        let effect =
+            format!("[[effect]]\nkind = \"{kind}\"\n{key} = \"{target}\"\n{parameter} = {value}\n");
+        let dir = tempfile::tempdir().unwrap();
+        let log = recording(&effect);
+        let outcome = diagnose(&model, &[log], &[], dir.path(), 0, &|_| {}).unwrap();
+        let [named] = &outcome.diagnosis.effects[..] else {
+            panic!("{kind}: {:?}", outcome.diagnosis.effects);
+        };
+        let right = named.kind == kind && named.target == target;
+        let mut others = named.indistinguishable_from.iter();
+        let undecided = others.any(|n| n.kind == kind && n.target == target);
+        assert!(right || undecided, "{kind} is called {named:?}");
+        if right {
+            let found = named.parameters[parameter].value;
+            assert!((found - value).abs() < 0.15 * value, "{kind}: {found}");
+        }
+        Model::load(&outcome.model).unwrap_or_else(|e| panic!("{e}"));
+    }
 }

@@ -1,5 +1,7 @@
 //! Effects that change the mechanics themselves, and where they make sense.
 
+use std::fmt;
+
 use lagrange::Mechanics;
 use lagrange::mechanism::Tree;
 use nalgebra::Vector3;
@@ -29,15 +31,28 @@ pub enum Inertial {
     Tilt,
 }
 
+impl fmt::Display for Inertial {
+    /// The name of the kind.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Inertial::Rotor => "reflected_inertia",
+            Inertial::PointMass => "added_mass",
+            Inertial::Tilt => "gravity_tilt",
+        })
+    }
+}
+
 /// Why an effect that changes the mechanics cannot sit where it should.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Misplaced {
     /// The coordinates obey equations.
     #[error(
-        "is for mechanisms without constraints, and this one obeys {count} (`{first}` …): change the masses of the mechanism itself"
+        "{change} is for mechanisms without constraints, and this one obeys {count} (`{first}` …): change the masses of the mechanism itself"
     )]
     Constrained {
+        /// The effect.
+        change: Inertial,
         /// How many are in force.
         count: usize,
         /// The first of them.
@@ -45,17 +60,23 @@ pub enum Misplaced {
     },
     /// T is not ½ vᵀ M(q) v.
     #[error(
-        "adds to M(q), and T is not quadratic in the velocities, so that M is not all of it: write the inertia into `kinetic`"
+        "{change} adds to M(q), and T is not quadratic in the velocities, so that M is not all of it: write the inertia into `kinetic`"
     )]
-    NotQuadratic,
+    NotQuadratic {
+        /// The effect.
+        change: Inertial,
+    },
     /// The mechanism is energies, without bodies.
     #[error(
-        "needs the bodies of a URDF, and [lagrangian] has energies only: write it into `kinetic` and `potential`"
+        "{change} needs the bodies of a URDF, and [lagrangian] has energies only: write it into `kinetic` and `potential`"
     )]
-    NoBodies,
+    NoBodies {
+        /// The effect.
+        change: Inertial,
+    },
     /// The link does not move.
     #[error(
-        "sits on `{link}`, which is welded to the world and moves no mass: name a link that moves"
+        "added_mass sits on `{link}`, which is welded to the world and moves no mass: name a link that moves"
     )]
     Welded {
         /// The link.
@@ -63,18 +84,22 @@ pub enum Misplaced {
     },
     /// A turn about a vertical axis, or a vertical rail, does not change how gravity acts.
     #[error(
-        "sits on `{coordinate}`, whose axis is vertical: no direction of the tilt is told by it; name a joint with a horizontal axis"
+        "gravity_tilt sits on `{coordinate}`, whose axis is vertical: no direction of the tilt is told by it; name a joint with a horizontal axis"
     )]
     Vertical {
         /// The coordinate.
         coordinate: String,
     },
     /// There is no gravity.
-    #[error("tilts gravity, and `gravity` is 0: leave it out")]
+    #[error("gravity_tilt tilts gravity, and `gravity` is 0: leave it out")]
     Weightless,
     /// There is no such joint or link.
-    #[error("sits on number {index}, which there is not: there are {count}")]
+    #[error(
+        "{change} sits on number {index}, counted from 0, and there are {count}: name one of them"
+    )]
     NoSuchTarget {
+        /// The effect.
+        change: Inertial,
         /// The index.
         index: usize,
         /// How many there are.
@@ -97,6 +122,7 @@ impl Inertial {
         if let Some(constraints) = mechanics.constraints() {
             let names = constraints.names();
             return Err(Misplaced::Constrained {
+                change: self,
                 count: names.len(),
                 first: names.first().cloned().unwrap_or_default(),
             });
@@ -105,11 +131,12 @@ impl Inertial {
         if tree.is_none()
             && let Err(NotFree::NotQuadratic { .. }) = check_free(mechanics, p)
         {
-            return Err(Misplaced::NotQuadratic);
+            return Err(Misplaced::NotQuadratic { change: self });
         }
         let on_joint = |index: usize| match mechanics.coordinates().get(index) {
             Some(coordinate) if !coordinate.floating => Ok(coordinate),
             _ => Err(Misplaced::NoSuchTarget {
+                change: self,
                 index,
                 count: mechanics.coordinates().len(),
             }),
@@ -117,8 +144,9 @@ impl Inertial {
         match self {
             Inertial::Rotor => on_joint(target).map(|_| ()),
             Inertial::PointMass => {
-                let tree = tree.ok_or(Misplaced::NoBodies)?;
+                let tree = tree.ok_or(Misplaced::NoBodies { change: self })?;
                 let link = tree.links().get(target).ok_or(Misplaced::NoSuchTarget {
+                    change: self,
                     index: target,
                     count: tree.links().len(),
                 })?;
@@ -131,7 +159,7 @@ impl Inertial {
             }
             Inertial::Tilt => {
                 let coordinate = on_joint(target)?;
-                let tree = tree.ok_or(Misplaced::NoBodies)?;
+                let tree = tree.ok_or(Misplaced::NoBodies { change: self })?;
                 if tree.gravity() == [0.0; 3] {
                     return Err(Misplaced::Weightless);
                 }

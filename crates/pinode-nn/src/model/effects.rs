@@ -5,7 +5,7 @@ use lagrange::{Mechanics, Position, Problem};
 use super::document::{Faults, Placed, Section};
 use super::mechanism::{JointFriction, Mechanism, find_coordinate};
 use super::{EffectEntry, Input, Target};
-use crate::effect::{ActsOn, Kind, Misplaced, RigidStop, registry};
+use crate::effect::{ActsOn, Inertial, Kind, Misplaced, RigidStop, registry};
 use crate::naming::{hint, nearest, quoted};
 
 /// Kinds of the file format that this version cannot compute.
@@ -103,7 +103,7 @@ fn read_one(
         ActsOn::Joint | ActsOn::Sensor => {
             find_coordinate(mechanism?, name.value, name.offset(), faults).map(Target::Coordinate)
         }
-        ActsOn::Link => find_link(kind, mechanism?, &name, faults).map(Target::Link),
+        ActsOn::Link => find_link(kind.inertial()?, mechanism?, &name, faults).map(Target::Link),
         ActsOn::Input => {
             let index = inputs.iter().position(|input| input.name == name.value);
             if index.is_none() {
@@ -200,7 +200,7 @@ fn read_one(
         )
     {
         let offset = place.unwrap_or(table.offset);
-        faults.at(offset, format!("{} {misplaced}", kind.name));
+        faults.at(offset, misplaced.to_string());
     }
     Some(EffectEntry {
         kind,
@@ -211,18 +211,16 @@ fn read_one(
     })
 }
 
-/// The link called `name`.
+/// The link called `name`, for an effect that does `change`.
 fn find_link(
-    kind: &Kind,
+    change: Inertial,
     mechanism: &Mechanism,
     name: &Placed<&str>,
     faults: &mut Faults,
 ) -> Option<usize> {
     let Some(tree) = &mechanism.tree else {
-        faults.at(
-            name.offset(),
-            format!("{} {}", kind.name, Misplaced::NoBodies),
-        );
+        let fault = Misplaced::NoBodies { change };
+        faults.at(name.offset(), fault.to_string());
         return None;
     };
     let links = tree.links();
