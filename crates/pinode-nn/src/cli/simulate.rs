@@ -16,6 +16,7 @@ use crate::Error;
 use crate::disk::write_atomically;
 use crate::entries::{q_names, starts, v_names};
 use crate::free_run::{Initial, LONGEST_STEP, initial_states};
+use crate::hybrid::Hybrid;
 use crate::log::Run;
 use crate::model::Model;
 
@@ -311,19 +312,34 @@ fn write_rows(
     let mut writer = csv::Writer::from_writer(text);
     let mut record = csv::StringRecord::new();
     let coordinates = model.mechanics.coordinates();
-    let zeros: Vec<f64> = coordinates
-        .iter()
-        .zip(&model.sensors)
-        .flat_map(|(c, sensor)| vec![sensor.zero; c.nq()])
-        .collect();
+    let hybrid = Hybrid::of(model);
+    let readings = hybrid.readings(&hybrid.theta(), &[]);
+    let (nq, nx) = (model.mechanics.nq(), states.first().map_or(0, Vec::len));
+    let flat = states.concat();
+    let times = run.t.get(..states.len()).unwrap_or(&run.t);
     for (k, (state, t)) in states.iter().zip(&run.t).enumerate() {
         record.clear();
         record.push_field(&t.to_string());
-        let (q, v) = state.split_at(zeros.len());
-        for (q, zero) in q.iter().zip(&zeros) {
-            record.push_field(&(q + zero).to_string());
+        // What the sensors read; the pose of a floating body has none.
+        let mut velocities = Vec::with_capacity(nx);
+        for ((coordinate, start), reading) in
+            coordinates.iter().zip(starts(coordinates)).zip(&readings)
+        {
+            let at = (start.q, nq + start.v);
+            if coordinate.floating {
+                let pose = state.get(start.q..start.q + coordinate.nq());
+                pose.unwrap_or_default()
+                    .iter()
+                    .for_each(|q| record.push_field(&q.to_string()));
+                let twist = state.get(at.1..at.1 + coordinate.nv());
+                velocities.extend_from_slice(twist.unwrap_or_default());
+            } else {
+                let q = reading.position(at, nx, &flat, times, k).value;
+                record.push_field(&q.to_string());
+                velocities.push(reading.velocity(at, nx, &flat, times, k).value);
+            }
         }
-        for v in v {
+        for v in velocities {
             record.push_field(&v.to_string());
         }
         for u in run.u.iter().filter_map(|column| column.get(k)) {

@@ -3,6 +3,15 @@
 use crate::effect::{ActsOn, Kind, Scales, default_smoothing, registry};
 use crate::hybrid::{Hybrid, Placed};
 
+/// Whether both kinds contain the same simpler one and neither contains the other: side by side they would count it twice.
+fn are_rivals(placed: &Kind, kind: &Kind) -> bool {
+    let common = placed
+        .contains
+        .iter()
+        .any(|name| kind.contains.contains(name));
+    common && !kind.contains.contains(&placed.name)
+}
+
 /// A kind of effect on a target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
@@ -39,7 +48,8 @@ impl Candidate {
                     placed.target == target
                         && (placed.kind == kind
                             || placed.kind.contains.contains(&kind.name)
-                            || (placed.kind.is_transmission() && kind.is_transmission()))
+                            || (placed.kind.is_transmission() && kind.is_transmission())
+                            || are_rivals(placed.kind, kind))
                 });
                 if !covered {
                     all.push(candidate);
@@ -78,7 +88,10 @@ impl Candidate {
             Placed {
                 kind: self.kind,
                 target: self.target,
-                smoothing: default_smoothing(angular),
+                smoothing: self
+                    .replaces(hybrid)
+                    .and_then(|index| hybrid.effects().get(index))
+                    .map_or(default_smoothing(angular), |known| known.smoothing),
             },
             values,
             false,

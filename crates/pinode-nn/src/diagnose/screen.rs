@@ -68,8 +68,12 @@ struct Column {
 }
 
 impl Column {
-    /// The parameters a step of `factor` probes away, within their bounds; `None` when the bounds allow no step that way.
+    /// The parameters a step of `factor` probes away, within their bounds; `None` when the bounds allow no step that way. Laws with a memory
+    /// are far from linear in theirs: the probe itself is the start, unless the data ask for its opposite.
     fn start(&self, factor: f64) -> Option<Vec<f64>> {
+        if self.candidate.kind.states() > 0 {
+            return (factor > 0.0).then(|| self.perturbed.clone());
+        }
         let specs = self.candidate.kind.parameters;
         let start: Vec<f64> = specs
             .iter()

@@ -404,7 +404,7 @@ fn is_numerically_sound(study: &Study, current: &Fitted, contender: &Contender) 
         return true;
     }
     let fine = Study {
-        substeps: 2 * study.substeps,
+        finer: 2,
         ..study.clone()
     };
     let again = |fitted: &Fitted| {

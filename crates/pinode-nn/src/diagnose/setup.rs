@@ -99,6 +99,7 @@ pub fn prepare(
         smoothed: Arc::new(smoothed.clone()),
         interval,
         substeps,
+        finer: 1,
         observations,
         windows,
     };

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::score::{Paired, paired, samples_per_window, window_scores};
 use super::smooth::Smoothed;
 use crate::effect::Scales;
-use crate::hybrid::{HiddenPath, Hybrid, Placed};
+use crate::hybrid::{HiddenPath, Hybrid, Placed, Reading};
 use crate::shooting::{Fit, FitOptions, HiddenPrior, Observations, Window, Windows, fit};
 
 /// At most so many integration steps per sample.
@@ -30,6 +30,8 @@ pub struct Study {
     pub interval: f64,
     /// Integration steps per log sample.
     pub substeps: usize,
+    /// All steps are shorter by this factor: 2 to see whether a finding is numerical.
+    pub finer: usize,
 }
 
 /// A model fitted to the seen windows, and its initial states (only those) to the windows held out.
@@ -152,7 +154,7 @@ impl Study {
         while substeps < most && self.interval * rate > RESOLVED * substeps as f64 {
             substeps *= 2;
         }
-        substeps
+        substeps * self.finer
     }
 
     /// Whether these steps follow the effects with a memory of a model at θ: what is much faster than the samples is not in the data.
@@ -166,13 +168,14 @@ impl Study {
         if hybrid.nh() == 0 {
             return vec![HiddenPath::default(); self.observations.runs.len()];
         }
+        let readings = hybrid.readings(theta, &[]);
         self.observations
             .runs
             .iter()
             .zip(self.smoothed.iter())
             .map(|(run, smoothed)| {
                 let inputs = hybrid.drive(&run.t, &run.u, substeps, theta, &[]);
-                hybrid.hidden_path(theta, &inputs, &|k| smoothed.state(k))
+                hybrid.hidden_path(theta, &inputs, &|k| behind(&readings, smoothed.state(k)))
             })
             .collect()
     }
@@ -250,6 +253,16 @@ impl Study {
             substeps,
         }
     }
+}
+
+/// The state (q, v) behind what its sensors read.
+fn behind(readings: &[Reading], mut state: Vec<f64>) -> Vec<f64> {
+    let n = readings.len();
+    for (c, reading) in readings.iter().enumerate() {
+        state[c] = reading.position_of(state[c], state[n + c]);
+        state[n + c] /= reading.factor;
+    }
+    state
 }
 
 /// Initial states (q, v, h) for `hybrid` from those of a model with the effects `before`: what is new of h is taken from `known`.

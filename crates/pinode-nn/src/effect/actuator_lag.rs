@@ -42,6 +42,10 @@ fn lagged(grid: &Grid, value: &[f64], tau: f64, mut slope: Option<&mut Vec<f64>>
 }
 
 impl DriveLaw for Lag {
+    fn remembers(&self) -> bool {
+        true
+    }
+
     fn pass(&self, grid: &Grid, p: &[f64], first: Option<usize>, signal: &mut Signal) {
         // Below this the lag is over within a rounding error of any step.
         let tau = p[0].max(1e-9);

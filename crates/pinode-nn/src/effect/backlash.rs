@@ -22,10 +22,15 @@ fn touching<D: Scalar>(x: D, w: D) -> D {
     (x / (x * x + w * w).sqrt() + 1.0) * 0.5
 }
 
+/// Over what way the corners at half the `gap` are rounded.
+fn rounding<D: Scalar>(gap: D) -> D {
+    gap * 0.04 + 1e-9
+}
+
 /// T.
 fn pull<D: Scalar>(seen: &Seen<'_, D>, p: &[D]) -> D {
     let (gap, e) = (p[0] * 0.5, seen.h[0]);
-    let w = gap * 0.04 + 1e-9;
+    let w = rounding(gap);
     let stretch = beyond(e - gap, w) - beyond(-e - gap, w);
     let touches = touching(e - gap, w) + touching(-e - gap, w);
     p[1] * stretch + p[2] * touches * (seen.h[1] - seen.v)
@@ -42,9 +47,16 @@ impl MemoryLaw for Backlash {
         rate[0] = seen.h[1] - seen.v;
         rate[1] = (seen.f - pull(seen, p)) / p[3];
     }
-    fn at_rest(&self, _q: f64, f: f64, p: &[f64], h: &mut [f64]) {
-        h[0] = f / p[1] + (0.5 * p[0]).copysign(f);
-        h[1] = 0.0;
+    fn at_rest(&self, v: f64, f: f64, p: &[f64], h: &mut [f64]) {
+        // T = f: with x beyond the corner at g/2, ½ (x + √(x² + w²)) = |f|/k. In the middle where nothing pushes.
+        let (gap, stretch) = (0.5 * p[0], f.abs() / p[1]);
+        let w = rounding(gap);
+        let beyond = stretch - w * w / (4.0 * stretch);
+        h[0] = match f == 0.0 {
+            true => 0.0,
+            false => (gap + beyond).max(0.0).copysign(f),
+        };
+        h[1] = v;
     }
     fn spread(&self, force: f64, speed: f64, p: &[f64], spread: &mut [f64]) {
         spread[0] = 0.5 * p[0] + force / p[1];

@@ -56,4 +56,9 @@ pub trait DriveLaw: Send + Sync {
     fn delay(&self, _p: &[f64]) -> Option<f64> {
         None
     }
+
+    /// Whether what passes depends on the input of before, other than by a delay: between jumps of the input it is then not constant.
+    fn remembers(&self) -> bool {
+        false
+    }
 }

@@ -28,9 +28,9 @@ impl MemoryLaw for Elastic {
         rate[0] = seen.h[1] - seen.v;
         rate[1] = (seen.f - pull(seen, p)) / p[2];
     }
-    fn at_rest(&self, _q: f64, f: f64, p: &[f64], h: &mut [f64]) {
+    fn at_rest(&self, v: f64, f: f64, p: &[f64], h: &mut [f64]) {
         h[0] = f / p[0];
-        h[1] = 0.0;
+        h[1] = v;
     }
     fn spread(&self, force: f64, speed: f64, p: &[f64], spread: &mut [f64]) {
         spread[0] = force / p[0];

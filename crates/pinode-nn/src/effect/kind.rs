@@ -197,8 +197,10 @@ pub struct ParameterSpec {
     /// The value at which the effect vanishes, or where a fit starts when it never does. An infinite one stands for a part of the
     /// effect that is not there: the parameter may be left out.
     pub neutral: f64,
-    /// What it is where a model file does not say; fits leave it alone. `None`: a file has to give it, and fits move it.
-    pub held: Option<f64>,
+    /// What it is where a model file does not say. `None`: a file has to give it.
+    pub default: Option<f64>,
+    /// Whether fits leave it alone.
+    pub held: bool,
 }
 
 impl ParameterSpec {
@@ -215,7 +217,8 @@ impl ParameterSpec {
             lower,
             upper,
             neutral,
-            held: None,
+            default: None,
+            held: false,
         }
     }
 
@@ -223,7 +226,16 @@ impl ParameterSpec {
     #[must_use]
     pub const fn held_at(self, value: f64) -> Self {
         ParameterSpec {
-            held: Some(value),
+            held: true,
+            ..self.left_out_as(value)
+        }
+    }
+
+    /// The same with a value that a model file means by leaving it out.
+    #[must_use]
+    pub const fn left_out_as(self, value: f64) -> Self {
+        ParameterSpec {
+            default: Some(value),
             ..self
         }
     }

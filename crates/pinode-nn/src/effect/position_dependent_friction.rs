@@ -1,7 +1,7 @@
 //! Coulomb friction that changes along the way: Q = −(F₀ + s q) sgn(v), the sign spread over the smoothing velocity; no friction where
 //! F₀ + s q would be negative.
 //!
-//! F₀ in N or N·m at q = 0, s in N/m or N·m/rad. A step over v whose height depends on q; a spring has the same sign for both
+//! F₀ in N or N·m at q = 0 (where the motion may never be: it may be negative), s in N/m or N·m/rad. A step over v whose height depends on q; a spring has the same sign for both
 //! directions of motion, this has not.
 
 use integrators::event::Direction;
@@ -40,7 +40,12 @@ pub static KIND: Kind = Kind {
     family: Family::Friction,
     summary: "constant force against the velocity, of a size that changes along the way",
     parameters: &[
-        ParameterSpec::new("force", Quantity::Force, (0.0, f64::INFINITY), 0.0),
+        ParameterSpec::new(
+            "force",
+            Quantity::Force,
+            (f64::NEG_INFINITY, f64::INFINITY),
+            0.0,
+        ),
         ParameterSpec::new(
             "slope",
             Quantity::Stiffness,

@@ -23,8 +23,8 @@ impl HiddenPath {
 }
 
 impl Hybrid {
-    /// The states that the effects with a memory have after a long rest at the state (q, v), under the inputs of integration step
-    /// `step`.
+    /// The states that the effects with a memory start with at (q, v) under the inputs of integration step `step`, where nothing of before is
+    /// known.
     pub fn hidden_at_rest(
         &self,
         (q, v): (&[f64], &[f64]),
@@ -44,7 +44,7 @@ impl Hybrid {
                 self.load(state, theta, inputs, step, &mut memory);
                 let (_, seen, range) = self.seen(index, state, inputs, step, &memory.driven);
                 let p = &theta[self.ranges[index].clone()];
-                law.at_rest(seen.q, seen.f, p, &mut h[range]);
+                law.at_rest(seen.v, seen.f, p, &mut h[range]);
             }
         }
         h

@@ -1,4 +1,4 @@
-use super::{DrivenInputs, Hybrid};
+use super::{DrivenInputs, Hybrid, Placed};
 use crate::effect::{Action, Grid, Signal};
 
 /// Instants closer than this part of the largest time are one.
@@ -15,10 +15,15 @@ pub struct HeldInputs {
     pub held: Vec<usize>,
 }
 
+/// Behind a lag inputs are held for no longer than this, s.
+const PIECE: f64 = 1e-3;
+/// At most so many pieces of a sample interval.
+const MOST_PIECES: usize = 1000;
+
 impl Hybrid {
     /// The inputs of a recording sampled at `t` with values `u` (one column an input, one value a sample, held until the next), as forces
     /// between the instants at which they jump: the samples, and T s after them for an input that comes T s late. Before the recording
-    /// starts an input is taken as its first value.
+    /// starts an input is taken as its first value. Behind a lag an input is never constant: it is taken as its mean over every millisecond.
     ///
     /// ```
     /// use pinode_nn::effect::{Action, registry};
@@ -51,6 +56,33 @@ impl Hybrid {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn hold(&self, t: &[f64], u: &[Vec<f64>], theta: &[f64]) -> HeldInputs {
+        let remembers = |effect: &Placed| match effect.kind.action {
+            Action::Drive(law) => law.remembers(),
+            _ => false,
+        };
+        if !self.effects.iter().any(remembers) {
+            return self.hold_between(t, u, theta);
+        }
+        let longest = t.windows(2).map(|p| p[1] - p[0]).fold(0.0, f64::max);
+        let pieces = ((longest / PIECE).ceil() as usize).clamp(1, MOST_PIECES);
+        let fine = Grid::new(t, pieces).bounds;
+        let u: Vec<Vec<f64>> = u
+            .iter()
+            .map(|u| {
+                let steps = 0..fine.len();
+                let repeated = steps.map(|k| u.get(k / pieces).copied().unwrap_or(f64::NAN));
+                repeated.collect()
+            })
+            .collect();
+        let held = self.hold_between(&fine, &u, theta);
+        HeldInputs {
+            samples: held.samples.iter().copied().step_by(pieces).collect(),
+            ..held
+        }
+    }
+
+    /// [`hold`](Self::hold) where inputs are constant between jumps.
+    fn hold_between(&self, t: &[f64], u: &[Vec<f64>], theta: &[f64]) -> HeldInputs {
         let late: Vec<f64> = (0..u.len()).map(|i| self.delay(i, theta)).collect();
         let (bounds, samples) = instants(t, u, &late);
         let sampled = Grid::new(t, 1);

@@ -226,7 +226,7 @@ impl Hybrid {
                 lower: spec.lower,
                 upper: spec.upper,
                 // What is left out does not come into being by a fit.
-                tolerance: match fixed || spec.held.is_some() || !value.is_finite() {
+                tolerance: match fixed || spec.held || !value.is_finite() {
                     true => 0.0,
                     false => f64::INFINITY,
                 },

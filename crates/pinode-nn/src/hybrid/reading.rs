@@ -110,13 +110,7 @@ impl Reading {
             0.0 => [(k, v, 1.0), (k, v, 0.0), (k, v, 0.0), (k, v, 0.0)],
             _ => self.terms((q, v), t, k, true),
         };
-        let (a, b) = if k == 0 { (0, 1) } else { (k - 1, k) };
-        let h = match t {
-            [] | [_] => f64::INFINITY,
-            _ => t[b.min(t.len() - 1)] - t[a],
-        };
-        let b = b.min(t.len().saturating_sub(1));
-        let rate = [(a, v, -1.0 / h), (b, v, 1.0 / h), (a, v, 0.0), (a, v, 0.0)];
+        let rate = self.acceleration((q, v), t, k);
         self.predict(terms, rate, nx, states, 0.0)
     }
 
@@ -196,6 +190,35 @@ impl Reading {
             (a, v, weights[1]),
             (a + 1, q, weights[2]),
             (a + 1, v, weights[3]),
+        ]
+    }
+
+    /// The rate of the velocity at t_k − delay, by the same cubic.
+    fn acceleration(
+        &self,
+        (q, v): (usize, usize),
+        t: &[f64],
+        k: usize,
+    ) -> [(usize, usize, f64); 4] {
+        let time = t[k] - self.delay;
+        let a = (0..k.min(t.len().saturating_sub(1)))
+            .rev()
+            .find(|&a| t[a] <= time)
+            .unwrap_or(0);
+        let b = (a + 1).min(t.len() - 1);
+        let h = match b > a {
+            true => t[b] - t[a],
+            false => f64::INFINITY,
+        };
+        let s = (time - t[a]) / h;
+        if s < 0.0 {
+            return [(a, v, -1.0 / h), (b, v, 1.0 / h), (a, q, 0.0), (b, q, 0.0)];
+        }
+        [
+            (a, q, (12.0 * s - 6.0) / (h * h)),
+            (a, v, (6.0 * s - 4.0) / h),
+            (b, q, (6.0 - 12.0 * s) / (h * h)),
+            (b, v, (6.0 * s - 2.0) / h),
         ]
     }
 

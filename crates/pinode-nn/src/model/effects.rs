@@ -155,7 +155,7 @@ fn read_one(
         };
         if table.get(spec.name).is_none() {
             let unsaid = spec.may_be_left_out().then_some(spec.neutral);
-            if let Some(value) = spec.held.or(unsaid) {
+            if let Some(value) = spec.default.or(unsaid) {
                 values.push(value);
                 continue;
             }

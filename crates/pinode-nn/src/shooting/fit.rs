@@ -48,18 +48,26 @@ impl Fit {
     /// Standard errors of θ_free that hold for residuals correlated within a window: the sandwich I⁻¹ (Σ g gᵀ) I⁻¹, at least the
     /// nominal I⁻¹. A constant that the data do not move has an infinite one, or its prior's.
     pub fn standard_errors(&self) -> Vec<f64> {
-        let n = self.free.len();
-        let Some(inverse) = Cholesky::new(self.information.clone()).map(|c| c.inverse()) else {
-            return vec![f64::INFINITY; n];
+        let mut errors = vec![f64::INFINITY; self.free.len()];
+        let moving: Vec<usize> = (0..errors.len())
+            .filter(|&k| self.information[(k, k)] > 1e-300)
+            .collect();
+        let n = moving.len();
+        let entry = |i: usize, j: usize| self.information[(moving[i], moving[j])];
+        let information = DMatrix::from_fn(n, n, entry);
+        let Some(inverse) = Cholesky::new(information).map(|c| c.inverse()) else {
+            return errors;
         };
         let mut meat = DMatrix::zeros(n, n);
         for g in self.gradients.iter().flatten() {
-            meat += g * g.transpose();
+            let g = DVector::from_fn(n, |i, _| g[moving[i]]);
+            meat += &g * g.transpose();
         }
         let sandwich = &inverse * meat * &inverse;
-        (0..n)
-            .map(|i| sandwich[(i, i)].max(inverse[(i, i)]).sqrt())
-            .collect()
+        for (i, &k) in moving.iter().enumerate() {
+            errors[k] = sandwich[(i, i)].max(inverse[(i, i)]).sqrt();
+        }
+        errors
     }
 }
 
