@@ -5,7 +5,7 @@
 //! 3. Locate: the force it lacks, by coordinate and signal. This explains; it does not decide.
 //! 4. Search: every candidate is screened from one linearisation; the best are refined by a fit; one is accepted
 //!    when it explains the windows better, pair by pair, both on those the fit saw and on those held out.
-//! 5. The new model is written, read back, and run free over held-out data.
+//! 5. The new model is written, read back, and run free over held-out data. What does not shrink the gap there is not added.
 
 mod advise;
 pub(crate) mod audit;
@@ -115,7 +115,7 @@ pub(crate) fn diagnose_into(
         &names,
     );
     let study = &prepared.study;
-    let search = search::search(study, prepared.null.clone(), seed, report);
+    let mut search = search::search(study, prepared.null.clone(), seed, report);
 
     report("writing the new model and running it free over unseen data");
     let provenance = Provenance {
@@ -136,19 +136,28 @@ pub(crate) fn diagnose_into(
         window_s: prepared.window,
         substeps: study.substeps,
     };
-    let revision = write_up::revision(model, &search, &provenance);
-    let path = model.write_revision(out, file_name, &revision)?;
-    // What is measured is what was written: the file is read back.
-    let written = Hybrid::of(&Model::load(&path)?);
     let first_guess = |run: usize, k: usize| prepared.smoothed[run].state(k);
-    let given = &search.null.hybrid;
-    let (gap, free_runs) = gap::gap(
-        study,
-        (given, &given.theta()),
-        (&written, &written.theta()),
-        &first_guess,
-        (LEAD_S.min(0.5 * prepared.window), HORIZON_S),
-    );
+    let (path, gap, free_runs) = loop {
+        let revision = write_up::revision(model, &search, &provenance);
+        let path = model.write_revision(out, file_name, &revision)?;
+        // What is measured is what was written: the file is read back.
+        let written = Hybrid::of(&Model::load(&path)?);
+        let given = &search.null.hybrid;
+        let (gap, free_runs) = gap::gap(
+            study,
+            (given, &given.theta()),
+            (&written, &written.theta()),
+            &first_guess,
+            (LEAD_S.min(0.5 * prepared.window), HORIZON_S),
+        );
+        // Windows without one in which both models stay finite count against what was found; no windows at all say nothing.
+        let shrinks = gap.windows > 0 && gap.after < gap.before;
+        if search.found.is_empty() || free_runs.is_empty() || shrinks {
+            break (path, gap, free_runs);
+        }
+        report("what was found does not shrink the gap on unseen data: it is not added");
+        search.withdraw();
+    };
 
     let verdict = if !search.found.is_empty() {
         Verdict::EffectsFound

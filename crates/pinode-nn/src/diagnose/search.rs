@@ -76,6 +76,17 @@ pub const UNEXPLAINED: (f64, f64) = (1.6, 5.0);
 /// What the search tells of its progress.
 pub type Report<'a> = &'a dyn Fn(&str);
 
+impl Search {
+    /// Takes back what was found: the model is the one given.
+    pub fn withdraw(&mut self) {
+        self.found.clear();
+        self.model = self.null.clone();
+        for step in &mut self.steps {
+            step.accepted = None;
+        }
+    }
+}
+
 /// Searches for what `null` is missing.
 ///
 /// When one effect does not suffice, the strongest rivals of the first are followed as well: a stand-in that is accepted first can
