@@ -93,7 +93,7 @@ impl<'a> AdaptiveRun<'a> {
     }
 
     /// From `initial` (q, v) or (q, v, h) at the first sample: one state (q, v) a sample, and what they took. Without h, the effects with a
-    /// memory start as after a long rest.
+    /// memory start as [`Hybrid::hidden_start`] has them.
     ///
     /// # Errors
     /// Those of [`integrators::adaptive::roll_out`].
@@ -112,8 +112,8 @@ impl<'a> AdaptiveRun<'a> {
         let visible = self.hybrid.nx() - self.hybrid.nh();
         let mut start = initial.to_vec();
         if initial.len() == visible {
-            let parts = initial.split_at(self.hybrid.nq());
-            start.extend(self.hybrid.hidden_at_rest(parts, &self.theta, inputs, 0));
+            let (_, v) = initial.split_at(self.hybrid.nq());
+            start.extend(self.hybrid.hidden_start(v, &self.theta, inputs, 0));
         }
         let mut rolled = roll_out(&motion, settings, bounds, held, &start)?;
         for state in &mut rolled.states {

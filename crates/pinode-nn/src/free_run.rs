@@ -244,8 +244,8 @@ pub fn simulate_by(
     let hybrid = Hybrid::of(model);
     let FreeRun { theta, inputs, .. } = FreeRun::new(&hybrid, t, u, longest_step);
     let motion = HybridMotion::new(&hybrid, &theta, &[], &inputs);
-    let (q, v) = initial.split_at(hybrid.nq().min(initial.len()));
-    let hidden = hybrid.hidden_at_rest((q, v), &theta, &inputs, 0);
+    let (_, v) = initial.split_at(hybrid.nq().min(initial.len()));
+    let hidden = hybrid.hidden_start(v, &theta, &inputs, 0);
     let visible = initial.len();
     let mut states = vec![[initial, &hidden].concat()];
     let rolled = match scheme {

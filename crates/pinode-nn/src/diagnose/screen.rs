@@ -103,14 +103,18 @@ struct Probed {
 }
 
 impl Probed {
-    fn new(study: &Study, fitted: &Fitted, column: &Column) -> Self {
+    /// `None` where the samples do not follow it.
+    fn new(study: &Study, fitted: &Fitted, column: &Column) -> Option<Self> {
         let (hybrid, theta) =
             column
                 .candidate
                 .place(&fitted.hybrid, &fitted.inside.theta, &column.perturbed);
+        if !study.resolves(&hybrid, &theta) {
+            return None;
+        }
         let substeps = study.substeps_for(&hybrid, &theta);
         let runs = study.observations.runs.iter();
-        Probed {
+        Some(Probed {
             inputs: runs
                 .map(|run| hybrid.drive(&run.t, &run.u, substeps, &theta, &[]))
                 .collect(),
@@ -119,7 +123,7 @@ impl Probed {
             kept: kept_states(&hybrid, &fitted.hybrid),
             hybrid,
             theta,
-        }
+        })
     }
 
     /// The initial state (q, v, h) of a window that starts at `state` in the fitted model.
@@ -174,17 +178,14 @@ pub fn screen(study: &Study, fitted: &Fitted) -> Screen {
                     perturbed: probe.perturbed,
                 })
         })
-        .filter(|column| {
-            let (with, theta) = column
-                .candidate
-                .place(hybrid, &fit.theta, &column.perturbed);
-            study.resolves(&with, &theta)
+        .collect();
+    let (columns, probed): (Vec<Column>, Vec<Probed>) = columns
+        .into_par_iter()
+        .filter_map(|column| {
+            let probed = Probed::new(study, fitted, &column)?;
+            Some((column, probed))
         })
-        .collect();
-    let probed: Vec<Probed> = columns
-        .par_iter()
-        .map(|column| Probed::new(study, fitted, column))
-        .collect();
+        .unzip();
 
     let nuisances = fit.free.len();
     let total = nuisances + columns.len();

@@ -47,7 +47,7 @@ impl MemoryLaw for Backlash {
         rate[0] = seen.h[1] - seen.v;
         rate[1] = (seen.f - pull(seen, p)) / p[3];
     }
-    fn at_rest(&self, v: f64, f: f64, p: &[f64], h: &mut [f64]) {
+    fn start(&self, v: f64, f: f64, p: &[f64], h: &mut [f64]) {
         // T = f: with x beyond the corner at g/2, ½ (x + √(x² + w²)) = |f|/k. In the middle where nothing pushes.
         let (gap, stretch) = (0.5 * p[0], f.abs() / p[1]);
         let w = rounding(gap);

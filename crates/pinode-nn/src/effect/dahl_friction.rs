@@ -20,7 +20,7 @@ impl MemoryLaw for Dahl {
     fn rate<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64, rate: &mut [D]) {
         rate[0] = seen.v - p[0] * seen.h[0] * seen.v.abs() / p[1];
     }
-    fn at_rest(&self, _v: f64, _f: f64, _p: &[f64], h: &mut [f64]) {
+    fn start(&self, _v: f64, _f: f64, _p: &[f64], h: &mut [f64]) {
         h[0] = 0.0;
     }
     fn spread(&self, _force: f64, _speed: f64, p: &[f64], spread: &mut [f64]) {

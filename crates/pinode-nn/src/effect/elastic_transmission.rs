@@ -28,7 +28,7 @@ impl MemoryLaw for Elastic {
         rate[0] = seen.h[1] - seen.v;
         rate[1] = (seen.f - pull(seen, p)) / p[2];
     }
-    fn at_rest(&self, v: f64, f: f64, p: &[f64], h: &mut [f64]) {
+    fn start(&self, v: f64, f: f64, p: &[f64], h: &mut [f64]) {
         h[0] = f / p[0];
         h[1] = v;
     }

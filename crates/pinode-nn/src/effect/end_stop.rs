@@ -94,13 +94,15 @@ pub static KIND: Kind = Kind {
             Quantity::Displacement,
             (f64::NEG_INFINITY, f64::INFINITY),
             f64::NEG_INFINITY,
-        ),
+        )
+        .left_out_as(f64::NEG_INFINITY),
         ParameterSpec::new(
             "upper",
             Quantity::Displacement,
             (f64::NEG_INFINITY, f64::INFINITY),
             f64::INFINITY,
-        ),
+        )
+        .left_out_as(f64::INFINITY),
         ParameterSpec::new("stiffness", Quantity::Stiffness, (0.0, f64::INFINITY), 0.0),
         ParameterSpec::new("damping", Quantity::Damping, (0.0, f64::INFINITY), 0.0),
     ],

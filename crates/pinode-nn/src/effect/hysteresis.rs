@@ -27,7 +27,7 @@ impl MemoryLaw for Hysteresis {
             false => seen.v,
         };
     }
-    fn at_rest(&self, _v: f64, _f: f64, _p: &[f64], h: &mut [f64]) {
+    fn start(&self, _v: f64, _f: f64, _p: &[f64], h: &mut [f64]) {
         h[0] = 0.0;
     }
     fn spread(&self, _force: f64, _speed: f64, p: &[f64], spread: &mut [f64]) {

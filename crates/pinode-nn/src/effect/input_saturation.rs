@@ -25,7 +25,7 @@ pub static KIND: Kind = Kind {
         "limit",
         Quantity::Input,
         (0.0, f64::INFINITY),
-        1e12,
+        f64::INFINITY,
     )],
     action: Action::Drive(&Pointwise(Saturation)),
     contains: &[],

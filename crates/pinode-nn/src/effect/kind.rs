@@ -194,10 +194,10 @@ pub struct ParameterSpec {
     pub lower: f64,
     /// Physical upper bound.
     pub upper: f64,
-    /// The value at which the effect vanishes, or where a fit starts when it never does. An infinite one stands for a part of the
-    /// effect that is not there: the parameter may be left out.
+    /// The value at which the effect vanishes, or where a fit starts when it never does.
     pub neutral: f64,
-    /// What it is where a model file does not say. `None`: a file has to give it.
+    /// What it is where a model file does not say. `None`: a file has to give it. An infinite one stands for a part of the effect that is
+    /// not there, which no fit brings about.
     pub default: Option<f64>,
     /// Whether fits leave it alone.
     pub held: bool,
@@ -239,11 +239,6 @@ impl ParameterSpec {
             ..self
         }
     }
-
-    /// Whether a model file may leave it out: it is then at its [`neutral`](Self::neutral) value, infinite, and no fit moves it.
-    pub fn may_be_left_out(&self) -> bool {
-        !self.neutral.is_finite()
-    }
 }
 
 /// What a parameter measures.
@@ -268,8 +263,6 @@ pub enum Quantity {
     Time,
     /// kg or kg·m².
     Inertia,
-    /// 1/m or 1/rad.
-    PerDisplacement,
     /// Of an input as it is logged: no unit is known of it.
     Input,
     /// rad.
@@ -298,8 +291,6 @@ impl Quantity {
             (Quantity::Velocity, true) => "rad/s",
             (Quantity::Inertia, false) => "kg",
             (Quantity::Inertia, true) => "kg·m²",
-            (Quantity::PerDisplacement, false) => "1/m",
-            (Quantity::PerDisplacement, true) => "1/rad",
             (Quantity::Time, _) => "s",
             (Quantity::Angle, _) => "rad",
             (Quantity::Ratio | Quantity::Input, _) => "1",

@@ -21,7 +21,7 @@ impl MemoryLaw for LoadDependent {
         -p[0] * seen.f.abs() * smooth_sign(seen.v, smoothing)
     }
     fn rate<D: Scalar>(&self, _: &Seen<'_, D>, _: &[D], _: f64, _: &mut [D]) {}
-    fn at_rest(&self, _: f64, _: f64, _: &[f64], _: &mut [f64]) {}
+    fn start(&self, _: f64, _: f64, _: &[f64], _: &mut [f64]) {}
     fn spread(&self, _: f64, _: f64, _: &[f64], _: &mut [f64]) {}
     fn fastest(&self, _: f64, _: f64, _: &[f64]) -> f64 {
         0.0

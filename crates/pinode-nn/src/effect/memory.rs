@@ -34,7 +34,7 @@ pub trait MemoryLaw: Send + Sync + 'static {
 
     /// h to start with where nothing of before is known: that of a steady motion with velocity v under f where there is one, else that of
     /// rest; into `h`.
-    fn at_rest(&self, v: f64, f: f64, p: &[f64], h: &mut [f64]);
+    fn start(&self, v: f64, f: f64, p: &[f64], h: &mut [f64]);
 
     /// By how much h may differ at the start of a window from where a pass over the whole recording puts it: standard deviations, into
     /// `spread`, for forces of the size `force` and speeds of the size `speed`.
@@ -59,8 +59,8 @@ pub trait MemoryForce: Send + Sync {
         smoothing: f64,
         out: &mut MemoryDerivatives,
     );
-    /// See [`MemoryLaw::at_rest`].
-    fn at_rest(&self, v: f64, f: f64, p: &[f64], h: &mut [f64]);
+    /// See [`MemoryLaw::start`].
+    fn start(&self, v: f64, f: f64, p: &[f64], h: &mut [f64]);
     /// See [`MemoryLaw::spread`].
     fn spread(&self, force: f64, speed: f64, p: &[f64], spread: &mut [f64]);
     /// See [`MemoryLaw::fastest`].
@@ -177,8 +177,8 @@ impl<L: MemoryLaw> MemoryForce for WithMemory<L> {
         }
     }
 
-    fn at_rest(&self, v: f64, f: f64, p: &[f64], h: &mut [f64]) {
-        self.0.at_rest(v, f, p, h);
+    fn start(&self, v: f64, f: f64, p: &[f64], h: &mut [f64]) {
+        self.0.start(v, f, p, h);
     }
 
     fn spread(&self, force: f64, speed: f64, p: &[f64], spread: &mut [f64]) {

@@ -1,14 +1,12 @@
 //! v̇ of the hybrid model, and its derivatives.
 
-use std::ops::Range;
-
 use lagrange::{ForwardDynamicsDerivatives, ForwardDynamicsGradient, Workspace};
 use nalgebra::{DMatrix, DVector};
 
 use super::extra::ExtraMemory;
-use super::{DrivenInputs, Hybrid, Placed, State};
-use crate::effect::{Action, JointForce, MemoryDerivatives, Seen, Signal};
-use crate::entries::Start;
+use super::forces::{By, Of};
+use super::{DrivenInputs, Hybrid, State};
+use crate::effect::MemoryDerivatives;
 use crate::motion::Momenta;
 
 impl Hybrid {
@@ -101,105 +99,6 @@ impl Hybrid {
         }
     }
 
-    /// Q of inputs and effects, into `memory.acceleration`, and ḣ.
-    pub(super) fn load(
-        &self,
-        state: State<'_>,
-        theta: &[f64],
-        inputs: &DrivenInputs,
-        step: usize,
-        memory: &mut Memory,
-    ) {
-        self.load_where(|_| true, state, theta, inputs, step, memory);
-    }
-
-    /// Q of inputs and effects, of those without a memory only those that `counts` keeps, into `memory.acceleration`, and ḣ.
-    pub(super) fn load_where(
-        &self,
-        counts: impl Fn(&dyn JointForce) -> bool,
-        state: State<'_>,
-        theta: &[f64],
-        inputs: &DrivenInputs,
-        step: usize,
-        memory: &mut Memory,
-    ) {
-        let Memory {
-            acceleration,
-            driven,
-            rates,
-            ..
-        } = memory;
-        driven.fill(0.0);
-        for ((signal, &coordinate), carried) in inputs
-            .forces
-            .iter()
-            .zip(&self.input_coordinates)
-            .zip(&self.carried)
-        {
-            if !carried {
-                driven[self.starts[coordinate].v] += signal.value[step];
-            }
-        }
-        acceleration.copy_from(driven);
-        for (index, effect) in self.effects.iter().enumerate() {
-            let p = &theta[self.ranges[index].clone()];
-            let smoothing = effect.smoothing * self.smoothing_scale;
-            if let Action::Joint(law) = effect.kind.action {
-                if counts(law) {
-                    let at = self.starts[effect.target];
-                    acceleration[at.v] += law.force(state.q[at.q], state.v[at.v], p, smoothing);
-                }
-            } else if let Some(law) = effect.kind.memory() {
-                let (at, seen, range) = self.seen(index, state, inputs, step, driven);
-                let rates = &mut rates.as_mut_slice()[range];
-                acceleration[at.v] += law.evaluate(&seen, p, smoothing, rates);
-            }
-        }
-    }
-
-    /// Where effect `index`, which has a memory, acts, what it sees there and which states are its own.
-    pub(super) fn seen<'a>(
-        &self,
-        index: usize,
-        state: State<'a>,
-        inputs: &DrivenInputs,
-        step: usize,
-        driven: &DVector<f64>,
-    ) -> (Start, Seen<'a, f64>, Range<usize>) {
-        let Placed { kind, target, .. } = self.effects[index];
-        let at = self.starts[self.coordinate_of(kind, target)];
-        let range = self.state_ranges[index].clone();
-        let seen = Seen {
-            q: state.q[at.q],
-            v: state.v[at.v],
-            f: match kind.is_transmission() {
-                true => inputs.forces[target].value[step],
-                false => driven[at.v],
-            },
-            h: &state.h[range.clone()],
-        };
-        (at, seen, range)
-    }
-
-    /// The input signals that make up the force f which effect `index` sees.
-    fn sources<'a>(
-        &'a self,
-        index: usize,
-        inputs: &'a DrivenInputs,
-    ) -> impl Iterator<Item = &'a Signal> {
-        let Placed { kind, target, .. } = self.effects[index];
-        let transmission = kind.is_transmission();
-        inputs
-            .forces
-            .iter()
-            .enumerate()
-            .filter(move |&(input, _)| match transmission {
-                true => input == target,
-                false => self.input_coordinates[input] == target && !self.carried[input],
-            })
-            .map(|(_, signal)| signal)
-    }
-
     /// v̇ and ḣ as [`acceleration`](Self::acceleration), and in `memory.linear` the derivatives of (v̇, ḣ), row after row, in
     /// (q, v, h, θ_free):
     ///
@@ -248,62 +147,22 @@ impl Hybrid {
             let place = free.binary_search(&index).ok();
             place.map(|k| first_constant + k)
         };
-        for ((signal, &coordinate), carried) in inputs
-            .forces
-            .iter()
-            .zip(&self.input_coordinates)
-            .zip(&self.carried)
-        {
-            for (index, derivative) in signal.by_parameter.iter().filter(|_| !carried) {
-                if let Some(column) = column(*index) {
-                    rhs[(self.starts[coordinate].v, column)] += derivative[step];
-                }
+        let linear = &mut memory.linear;
+        let rooms = (memory.by_parameter.as_mut_slice(), &mut *memory.with_memory);
+        let at = (state, theta, inputs, step);
+        self.each_derivative(at, &memory.driven, rooms, |of, by, derivative| {
+            let column = match by {
+                By::Position(i) => Some(i),
+                By::Velocity(i) => Some(n + i),
+                By::State(k) => Some(2 * n + k),
+                By::Constant(index) => column(index),
+            };
+            match (of, column) {
+                (Of::Force(i), Some(column)) => rhs[(i, column)] += derivative,
+                (Of::Rate(k), Some(column)) => linear[(n + k, column)] += derivative,
+                (_, None) => {}
             }
-        }
-        for (index, effect) in self.effects.iter().enumerate() {
-            let range = self.ranges[index].clone();
-            let p = &theta[range.clone()];
-            let smoothing = effect.smoothing * self.smoothing_scale;
-            if let Action::Joint(law) = effect.kind.action {
-                let by_parameter = &mut memory.by_parameter[..range.len()];
-                let Start { q: iq, v: iv } = self.starts[effect.target];
-                let at = law.derivatives(state.q[iq], state.v[iv], p, smoothing, by_parameter);
-                rhs[(iv, iv)] += at.by_q;
-                rhs[(iv, n + iv)] += at.by_v;
-                for (index, derivative) in range.zip(by_parameter) {
-                    if let Some(column) = column(index) {
-                        rhs[(iv, column)] += *derivative;
-                    }
-                }
-            } else if let Some(law) = effect.kind.memory() {
-                let (at, seen, states) = self.seen(index, state, inputs, step, &memory.driven);
-                let d = &mut memory.with_memory;
-                law.derivatives(&seen, p, smoothing, d);
-                let mut put = |row: usize, column: usize, value: f64| match row {
-                    0 => rhs[(at.v, column)] += value,
-                    _ => memory.linear[(n + states.start + row - 1, column)] += value,
-                };
-                for row in 0..=states.len() {
-                    put(row, at.v, d.by_q(row));
-                    put(row, n + at.v, d.by_v(row));
-                    for (k, &value) in states.clone().zip(d.by_h(row)) {
-                        put(row, 2 * n + k, value);
-                    }
-                    for (index, &value) in range.clone().zip(d.by_p(row)) {
-                        if let Some(column) = column(index) {
-                            put(row, column, value);
-                        }
-                    }
-                    for signal in self.sources(index, inputs) {
-                        for (index, derivative) in &signal.by_parameter {
-                            if let Some(column) = column(*index) {
-                                put(row, column, d.by_f(row) * derivative[step]);
-                            }
-                        }
-                    }
-                }
-            }
-        }
+        });
         // ∂v̇/∂p = −M⁻¹ ∂ID/∂p.
         if let (Some(added), Some(room)) = (&self.extra, &memory.extra) {
             for (&index, by_slot) in added.parameters.iter().zip(room.by_slot.column_iter()) {
@@ -383,57 +242,21 @@ impl Hybrid {
                 add_to_theta(index, -of_slot);
             }
         }
-        for ((signal, &coordinate), carried) in inputs
-            .forces
-            .iter()
-            .zip(&self.input_coordinates)
-            .zip(&self.carried)
-        {
-            let of_force = by.by_force[self.starts[coordinate].v];
-            for (index, derivative) in signal.by_parameter.iter().filter(|_| !carried) {
-                add_to_theta(*index, of_force * derivative[step]);
+        let rooms = (memory.by_parameter.as_mut_slice(), &mut *memory.with_memory);
+        let at = (state, theta, inputs, step);
+        self.each_derivative(at, &memory.driven, rooms, |of, in_what, derivative| {
+            let weight = match of {
+                Of::Force(i) => by.by_force[i],
+                Of::Rate(k) => of_h[k],
+            };
+            match in_what {
+                // A coordinate with an effect is one number in q and in v.
+                By::Position(i) => by_q[i] += weight * derivative,
+                By::Velocity(i) => by_v[i] += weight * derivative,
+                By::State(k) => by_h[k] += weight * derivative,
+                By::Constant(index) => add_to_theta(index, weight * derivative),
             }
-        }
-        for (index, effect) in self.effects.iter().enumerate() {
-            let range = self.ranges[index].clone();
-            let p = &theta[range.clone()];
-            let smoothing = effect.smoothing * self.smoothing_scale;
-            // A coordinate with an effect is one number in q and in v.
-            if let Action::Joint(law) = effect.kind.action {
-                let by_parameter = &mut memory.by_parameter[..range.len()];
-                let Start { q: iq, v: iv } = self.starts[effect.target];
-                let at = law.derivatives(state.q[iq], state.v[iv], p, smoothing, by_parameter);
-                let of_force = by.by_force[iv];
-                by_q[iv] += of_force * at.by_q;
-                by_v[iv] += of_force * at.by_v;
-                for (index, derivative) in range.zip(by_parameter) {
-                    add_to_theta(index, of_force * *derivative);
-                }
-            } else if let Some(law) = effect.kind.memory() {
-                let (at, seen, states) = self.seen(index, state, inputs, step, &memory.driven);
-                let d = &mut memory.with_memory;
-                law.derivatives(&seen, p, smoothing, d);
-                for row in 0..=states.len() {
-                    let w = match row {
-                        0 => by.by_force[at.v],
-                        _ => of_h[states.start + row - 1],
-                    };
-                    by_q[at.v] += w * d.by_q(row);
-                    by_v[at.v] += w * d.by_v(row);
-                    for (to, value) in by_h[states.clone()].iter_mut().zip(d.by_h(row)) {
-                        *to += w * value;
-                    }
-                    for (index, value) in range.clone().zip(d.by_p(row)) {
-                        add_to_theta(index, w * value);
-                    }
-                    for signal in self.sources(index, inputs) {
-                        for (index, derivative) in &signal.by_parameter {
-                            add_to_theta(*index, w * d.by_f(row) * derivative[step]);
-                        }
-                    }
-                }
-            }
-        }
+        });
         for (to, by) in [(by_q, &by.by_q), (by_v, &by.by_v)] {
             for (to, by) in to.iter_mut().zip(by.iter()) {
                 *to += by;

@@ -1,5 +1,7 @@
 //! Where a recorded motion takes the states of the effects with a memory.
 
+use nalgebra::DVector;
+
 use super::{DrivenInputs, Hybrid, State};
 use crate::effect::{MOST_STATES, MemoryForce, Scales, Seen};
 
@@ -23,35 +25,33 @@ impl HiddenPath {
 }
 
 impl Hybrid {
-    /// The states that the effects with a memory start with at (q, v) under the inputs of integration step `step`, where nothing of before is
-    /// known.
-    pub fn hidden_at_rest(
+    /// The states that the effects with a memory start with at the velocities v under the inputs of integration step `step`, where nothing of
+    /// before is known.
+    pub fn hidden_start(
         &self,
-        (q, v): (&[f64], &[f64]),
+        v: &[f64],
         theta: &[f64],
         inputs: &DrivenInputs,
         step: usize,
     ) -> Vec<f64> {
         let mut h = vec![0.0; self.nh()];
-        let mut memory = self.memory(&[]);
+        if h.is_empty() || step >= inputs.grid.steps() {
+            return h;
+        }
+        let mut driven = DVector::zeros(self.nv());
+        self.drive_directly(inputs, step, &mut driven);
         for (index, effect) in self.effects.iter().enumerate() {
-            let Some(law) = effect.kind.memory() else {
-                continue;
-            };
-            let zeros = vec![0.0; self.nh()];
-            let state = State { q, v, h: &zeros };
-            if step < inputs.grid.steps() {
-                self.load(state, theta, inputs, step, &mut memory);
-                let (_, seen, range) = self.seen(index, state, inputs, step, &memory.driven);
+            if let Some(law) = effect.kind.memory() {
+                let (at, f) = self.force_seen(index, inputs, step, &driven);
                 let p = &theta[self.ranges[index].clone()];
-                law.at_rest(seen.v, seen.f, p, &mut h[range]);
+                law.start(v[at.v], f, p, &mut h[self.state_ranges[index].clone()]);
             }
         }
         h
     }
 
     /// h along a recording under `inputs`, when q and v go as `motion` has them, (q, v) a sample, linear in between. Each effect is
-    /// taken by itself, and starts at rest.
+    /// taken by itself, from its [`hidden_start`](Self::hidden_start).
     pub fn hidden_path(
         &self,
         theta: &[f64],
@@ -69,9 +69,9 @@ impl Hybrid {
         }
         let states: Vec<Vec<f64>> = (0..samples).map(motion).collect();
         let first = self.parts_without_memory(&states[0]);
-        let start = self.hidden_at_rest((first.q, first.v), theta, inputs, 0);
+        let start = self.hidden_start(first.v, theta, inputs, 0);
         path.values[..nh].copy_from_slice(&start);
-        let mut memory = self.memory(&[]);
+        let mut driven = DVector::zeros(self.nv());
         for (index, effect) in self.effects.iter().enumerate() {
             let Some(law) = effect.kind.memory() else {
                 continue;
@@ -90,21 +90,17 @@ impl Hybrid {
                     let from = sub as f64 / substeps as f64;
                     let width = 1.0 / substeps as f64;
                     let duration = inputs.grid.bounds[step + 1] - inputs.grid.bounds[step];
-                    // The force does not depend on where in the step it is.
-                    let zeros = [0.0; MOST_STATES];
-                    let state = self.parts_without_memory(a);
-                    let whole = vec![0.0; nh];
-                    let loaded = State { h: &whole, ..state };
-                    self.load(loaded, theta, inputs, step, &mut memory);
-                    let (at, seen, _) = self.seen(index, loaded, inputs, step, &memory.driven);
+                    let (here, there) =
+                        (self.parts_without_memory(a), self.parts_without_memory(b));
+                    self.drive_directly(inputs, step, &mut driven);
+                    let (at, f) = self.force_seen(index, inputs, step, &driven);
                     let ends = |s: f64| {
                         let mix = |x: &[f64], y: &[f64], i: usize| x[i] + s * (y[i] - x[i]);
-                        let to = self.parts_without_memory(b);
                         Seen {
-                            q: mix(state.q, to.q, at.q),
-                            v: mix(state.v, to.v, at.v),
-                            f: seen.f,
-                            h: &zeros[..own.len()],
+                            q: mix(here.q, there.q, at.q),
+                            v: mix(here.v, there.v, at.v),
+                            f,
+                            h: &[],
                         }
                     };
                     let speed = ends(from).v.abs().max(ends(from + width).v.abs());

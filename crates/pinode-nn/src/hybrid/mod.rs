@@ -11,6 +11,7 @@
 mod contacts;
 mod dynamics;
 mod extra;
+mod forces;
 mod hidden;
 mod jumps;
 mod motion;

@@ -134,7 +134,7 @@ fn read_one(
             .parameters
             .iter()
             .map(|p| {
-                let optional = if p.may_be_left_out() {
+                let optional = if p.default.is_some() {
                     ", optional"
                 } else {
                     ""
@@ -154,8 +154,7 @@ fn read_one(
             (false, false) => "finite".to_owned(),
         };
         if table.get(spec.name).is_none() {
-            let unsaid = spec.may_be_left_out().then_some(spec.neutral);
-            if let Some(value) = spec.default.or(unsaid) {
+            if let Some(value) = spec.default {
                 values.push(value);
                 continue;
             }

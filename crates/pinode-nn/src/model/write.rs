@@ -106,7 +106,7 @@ impl Model {
                 });
             }
         }
-        let given = |(spec, x): &(&ParameterSpec, &f64)| **x != spec.neutral;
+        let given = |(spec, x): &(&ParameterSpec, &f64)| spec.default != Some(**x);
         let effects = revision.effects.iter().flat_map(|(e, _)| {
             let numbers = e.kind.parameters.iter().zip(&e.values);
             numbers.filter(given).map(|(_, x)| x)
@@ -258,22 +258,29 @@ impl Model {
 
 /// Writes the numbers of `entry`.
 fn fill(table: &mut Table, entry: &EffectEntry) {
-    let mut put = |key: &str, new: Option<f64>| {
-        let old = table.get(key).and_then(as_number);
-        match new {
-            Some(x) if old != Some(x) => set(table, key, number(x)),
-            None => drop(table.remove(key)),
-            _ => {}
-        }
-    };
     for (spec, &value) in entry.kind.parameters.iter().zip(&entry.values) {
-        let left_out = spec.may_be_left_out() && value == spec.neutral;
-        put(spec.name, (!left_out).then_some(value));
+        // A part that is not there cannot be written; what a file means by leaving it out need not be.
+        let unsaid = spec.default == Some(value) && !table.contains_key(spec.name);
+        put(
+            table,
+            spec.name,
+            (value.is_finite() && !unsaid).then_some(value),
+        );
     }
-    put("smoothing", entry.smoothing);
+    put(table, "smoothing", entry.smoothing);
     let fixed = table.get("fixed").and_then(Item::as_bool).unwrap_or(false);
     if fixed != entry.fixed {
         set(table, "fixed", Value::from(entry.fixed));
+    }
+}
+
+/// Writes a number that is not there yet, or takes away what is there for `None`.
+fn put(table: &mut Table, key: &str, new: Option<f64>) {
+    let old = table.get(key).and_then(as_number);
+    match new {
+        Some(x) if old != Some(x) => set(table, key, number(x)),
+        None => drop(table.remove(key)),
+        _ => {}
     }
 }
 

@@ -1,0 +1,209 @@
+//! Q of inputs and effects and ḣ of the effects with a memory, and their derivatives.
+
+use std::ops::Range;
+
+use nalgebra::DVector;
+
+use super::{DrivenInputs, Hybrid, Memory, Placed, State};
+use crate::effect::{Action, JointForce, MemoryDerivatives, Seen, Signal};
+use crate::entries::Start;
+
+/// What is derived.
+#[derive(Clone, Copy)]
+pub(super) enum Of {
+    /// The entry of Q.
+    Force(usize),
+    /// The entry of ḣ.
+    Rate(usize),
+}
+
+/// In what.
+#[derive(Clone, Copy)]
+pub(super) enum By {
+    /// A displacement along this entry of v.
+    Position(usize),
+    /// The entry of v.
+    Velocity(usize),
+    /// The entry of h.
+    State(usize),
+    /// The entry of θ.
+    Constant(usize),
+}
+
+/// Where forces are taken: state, θ, inputs and integration step.
+pub(super) type At<'a> = (State<'a>, &'a [f64], &'a DrivenInputs, usize);
+
+impl Hybrid {
+    /// The inputs that act on their joints themselves, with the entry of v that each acts on.
+    fn direct<'a>(&'a self, inputs: &'a DrivenInputs) -> impl Iterator<Item = (&'a Signal, usize)> {
+        let own = self.input_coordinates.iter().zip(&self.carried);
+        let all = inputs.forces.iter().zip(own);
+        all.filter(|(_, (_, carried))| !**carried)
+            .map(|(signal, (coordinate, _))| (signal, self.starts[*coordinate].v))
+    }
+
+    /// Forces of the inputs that act on their joints themselves, into `driven`.
+    pub(super) fn drive_directly(
+        &self,
+        inputs: &DrivenInputs,
+        step: usize,
+        driven: &mut DVector<f64>,
+    ) {
+        driven.fill(0.0);
+        for (signal, v) in self.direct(inputs) {
+            driven[v] += signal.value[step];
+        }
+    }
+
+    /// Q of inputs and effects, into `memory.acceleration`, and ḣ.
+    pub(super) fn load(
+        &self,
+        state: State<'_>,
+        theta: &[f64],
+        inputs: &DrivenInputs,
+        step: usize,
+        memory: &mut Memory,
+    ) {
+        self.load_where(|_| true, state, theta, inputs, step, memory);
+    }
+
+    /// Q of inputs and effects, of those without a memory only those that `counts` keeps, into `memory.acceleration`, and ḣ.
+    pub(super) fn load_where(
+        &self,
+        counts: impl Fn(&dyn JointForce) -> bool,
+        state: State<'_>,
+        theta: &[f64],
+        inputs: &DrivenInputs,
+        step: usize,
+        memory: &mut Memory,
+    ) {
+        let Memory {
+            acceleration,
+            driven,
+            rates,
+            ..
+        } = memory;
+        self.drive_directly(inputs, step, driven);
+        acceleration.copy_from(driven);
+        for (index, effect) in self.effects.iter().enumerate() {
+            let p = &theta[self.ranges[index].clone()];
+            let smoothing = effect.smoothing * self.smoothing_scale;
+            if let Action::Joint(law) = effect.kind.action {
+                if counts(law) {
+                    let at = self.starts[effect.target];
+                    acceleration[at.v] += law.force(state.q[at.q], state.v[at.v], p, smoothing);
+                }
+            } else if let Some(law) = effect.kind.memory() {
+                let (at, seen, range) = self.seen(index, state, inputs, step, driven);
+                let rates = &mut rates.as_mut_slice()[range];
+                acceleration[at.v] += law.evaluate(&seen, p, smoothing, rates);
+            }
+        }
+    }
+
+    /// The force f that effect `index`, which has a memory, sees, and where it acts.
+    pub(super) fn force_seen(
+        &self,
+        index: usize,
+        inputs: &DrivenInputs,
+        step: usize,
+        driven: &DVector<f64>,
+    ) -> (Start, f64) {
+        let Placed { kind, target, .. } = self.effects[index];
+        let at = self.starts[self.coordinate_of(kind, target)];
+        match kind.is_transmission() {
+            true => (at, inputs.forces[target].value[step]),
+            false => (at, driven[at.v]),
+        }
+    }
+
+    /// Where effect `index`, which has a memory, acts, what it sees there and which states are its own.
+    fn seen<'a>(
+        &self,
+        index: usize,
+        state: State<'a>,
+        inputs: &DrivenInputs,
+        step: usize,
+        driven: &DVector<f64>,
+    ) -> (Start, Seen<'a, f64>, Range<usize>) {
+        let (at, f) = self.force_seen(index, inputs, step, driven);
+        let range = self.state_ranges[index].clone();
+        let seen = Seen {
+            q: state.q[at.q],
+            v: state.v[at.v],
+            f,
+            h: &state.h[range.clone()],
+        };
+        (at, seen, range)
+    }
+
+    /// The input signals that make up the force f which effect `index` sees.
+    fn sources<'a>(
+        &'a self,
+        index: usize,
+        inputs: &'a DrivenInputs,
+    ) -> impl Iterator<Item = &'a Signal> {
+        let Placed { kind, target, .. } = self.effects[index];
+        let transmission = kind.is_transmission();
+        inputs
+            .forces
+            .iter()
+            .enumerate()
+            .filter(move |&(input, _)| match transmission {
+                true => input == target,
+                false => self.input_coordinates[input] == target && !self.carried[input],
+            })
+            .map(|(_, signal)| signal)
+    }
+
+    /// Gives every derivative of Q and of ḣ that is not zero by the shape of the model to `add`, which sums them up; `driven` is what
+    /// [`load`](Self::load) has left.
+    pub(super) fn each_derivative(
+        &self,
+        (state, theta, inputs, step): At<'_>,
+        driven: &DVector<f64>,
+        (by_parameter, with_memory): (&mut [f64], &mut MemoryDerivatives),
+        mut add: impl FnMut(Of, By, f64),
+    ) {
+        for (signal, v) in self.direct(inputs) {
+            for (index, derivative) in &signal.by_parameter {
+                add(Of::Force(v), By::Constant(*index), derivative[step]);
+            }
+        }
+        for (index, effect) in self.effects.iter().enumerate() {
+            let range = self.ranges[index].clone();
+            let p = &theta[range.clone()];
+            let smoothing = effect.smoothing * self.smoothing_scale;
+            if let Action::Joint(law) = effect.kind.action {
+                let by_p = &mut by_parameter[..range.len()];
+                let Start { q, v } = self.starts[effect.target];
+                let at = law.derivatives(state.q[q], state.v[v], p, smoothing, by_p);
+                add(Of::Force(v), By::Position(v), at.by_q);
+                add(Of::Force(v), By::Velocity(v), at.by_v);
+                for (index, derivative) in range.zip(by_p) {
+                    add(Of::Force(v), By::Constant(index), *derivative);
+                }
+            } else if let Some(law) = effect.kind.memory() {
+                let (at, seen, states) = self.seen(index, state, inputs, step, driven);
+                let d = &mut *with_memory;
+                law.derivatives(&seen, p, smoothing, d);
+                let rates = states.clone().map(Of::Rate);
+                for (row, of) in std::iter::once(Of::Force(at.v)).chain(rates).enumerate() {
+                    add(of, By::Position(at.v), d.by_q(row));
+                    add(of, By::Velocity(at.v), d.by_v(row));
+                    for (k, &derivative) in states.clone().zip(d.by_h(row)) {
+                        add(of, By::State(k), derivative);
+                    }
+                    for (index, &derivative) in range.clone().zip(d.by_p(row)) {
+                        add(of, By::Constant(index), derivative);
+                    }
+                    for signal in self.sources(index, inputs) {
+                        for (index, derivative) in &signal.by_parameter {
+                            add(of, By::Constant(*index), d.by_f(row) * derivative[step]);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
