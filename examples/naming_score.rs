@@ -1,98 +1,289 @@
-//! How often the diagnosis names what is hidden: `cargo run --release -p cartpole --example naming_score -- [LOGS] [NOTHING] [SEED] [all]`
-//! diagnoses LOGS rig logs with a drawn effect and NOTHING logs without one (60 s each), a line a log, from SEED on. With `all` the rig takes
-//! the effects that it draws from in turn, every kind on every target.
+//! How often the diagnosis names what is hidden: a bench on logs of which the truth is known.
+//!
+//! ```text
+//! cargo run --release -p cartpole --example naming_score -- --set one --noise each --logs 60 --lines one.jsonl
+//! cargo run --release -p cartpole --example naming_score -- --table one.jsonl nothing.jsonl
+//! ```
+//!
+//! The first command makes logs of the virtual rig, has each diagnosed by a model that lacks what is hidden, and appends a line of JSON a
+//! log; logs that are in the file already are left out, so that it goes on where it was interrupted. The second makes the tables.
+//! Seeds count up from `--first-seed`; each takes the next kind of effect in turn, with sizes drawn by the seed.
 
+use std::collections::BTreeSet;
 use std::error::Error;
-use std::path::Path;
-use std::time::Instant;
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc;
 
-use cartpole::config::Config;
-use cartpole::rig::{self, Hidden};
-use pinode_nn::diagnose::diagnose;
-use pinode_nn::log::Log;
-use pinode_nn::model::Model;
+use cartpole::config::NoiseLevel;
+use cartpole::score::{Case, Kinds, Line, NOISES, Rig, Set, run, tables};
+use clap::{Parser, ValueEnum};
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let (words, numbers): (Vec<String>, Vec<String>) =
-        std::env::args().skip(1).partition(|a| a == "all");
-    let all = !words.is_empty();
-    let mut numbers = numbers.iter().map(|a| a.parse::<u64>());
-    let logs = numbers.next().transpose()?.unwrap_or(50);
-    let nothing = numbers.next().transpose()?.unwrap_or(10);
-    let first = numbers.next().transpose()?.unwrap_or(1000);
-    let models = Path::new(concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../models/cartpole"
-    ));
-    let config = Config::read(&models.join("rig.toml"))?;
-    let dir = tempfile::tempdir()?;
+/// Scores the diagnosis on logs of the virtual rig
+#[derive(Debug, Parser)]
+struct Cli {
+    /// The mechanism
+    #[arg(long, value_enum, default_value = "cartpole")]
+    rig: Rig,
+    /// What is hidden in it
+    #[arg(long, value_enum, default_value = "one")]
+    set: Set,
+    /// Number of logs at each noise level
+    #[arg(long, value_name = "N", default_value_t = 20)]
+    logs: u64,
+    /// Seed of the first log; the others follow
+    #[arg(long, value_name = "N", default_value_t = 1000)]
+    first_seed: u64,
+    /// Noise of the rig
+    #[arg(long, value_enum, default_value = "medium")]
+    noise: Noise,
+    /// Kinds of effects to hide in turn
+    #[arg(long, value_enum, default_value = "all")]
+    kinds: Kinds,
+    /// Logs at once, each diagnosed on one thread [default: one per processor]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    jobs: Option<u16>,
+    /// Threads of each diagnosis; changes times, not results
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
+    threads: u16,
+    /// File of lines: new ones are appended, logs that are in it are left out [default: only the tables are written]
+    #[arg(long, value_name = "FILE")]
+    lines: Option<PathBuf>,
+    /// Folder of the mechanisms [default: models]
+    #[arg(long, value_name = "DIR")]
+    models: Option<PathBuf>,
+    /// Make the tables of these files of lines, and nothing else
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    table: Vec<PathBuf>,
+}
 
-    let (mut first_right, mut exact, mut false_names, mut seconds) = (0, 0, 0, 0.0);
-    for k in 0..logs + nothing {
-        let seed = first + k;
-        let hidden = match (k < logs, all) {
-            (true, false) => rig::draw(&config, seed),
-            (true, true) => rig::draw_of(&config, k as usize % rig::CASES_ALL, seed),
-            (false, _) => Hidden::Nothing,
-        };
-        let log = dir.path().join("log.csv");
-        rig::run(&config, &hidden, seed)?.write_csv(&log)?;
-        let model = Model::load(&rig::known_model(
-            &hidden,
-            models,
-            &dir.path().join("user"),
-        )?)?;
-        let log = Log::read(&log, &model)?;
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Noise {
+    /// A good laboratory
+    Low,
+    /// The paper's rig; `realistic` says the same
+    #[value(alias = "realistic")]
+    Medium,
+    /// A poor sensor and a coarse encoder
+    High,
+    /// Each of the three
+    Each,
+}
 
-        let start = Instant::now();
-        let found = diagnose(&model, &[log], &[], &dir.path().join("out"), 0, &|_| {})?.diagnosis;
-        let time = start.elapsed().as_secs_f64();
-        seconds += time;
-
-        // Names that the data cannot tell from the found one count as right when they are said.
-        let target = hidden.target().map_or("", |t| t.name());
-        let is_it = |kind: &str, on: &str| kind == hidden.kind() && on == target;
-        let right = found.effects.first().is_some_and(|e| {
-            let others = &e.indistinguishable_from;
-            is_it(&e.kind, &e.target) || others.iter().any(|o| is_it(&o.kind, &o.target))
-        });
-        if k < logs {
-            first_right += usize::from(right);
-            exact += usize::from(right && found.effects.len() == 1);
-        } else {
-            false_names += usize::from(!found.effects.is_empty());
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let done = match cli.table.as_slice() {
+        [] => score(&cli),
+        files => read_all(files).map(|lines| print!("{}", tables(&lines))),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(1)
         }
-        let names: Vec<String> = found
-            .effects
-            .iter()
-            .map(|e| {
-                let others = e.indistinguishable_from.iter().map(|o| o.kind.as_str());
-                let tie: String = others.map(|o| format!(" ≡ {o}")).collect();
-                format!("{} on {} ({:.2}){tie}", e.kind, e.target, e.confidence)
-            })
-            .collect();
-        let mark = if right || (k >= logs && names.is_empty()) {
-            "  "
-        } else {
-            "x "
-        };
-        println!(
-            "{mark}{seed} {} {target} {:?} -> {}; gap {:.1} -> {:.1}; {time:.1} s",
-            hidden.kind(),
-            hidden.parameters(),
-            if names.is_empty() {
-                "nothing".to_owned()
-            } else {
-                names.join(", ")
-            },
-            found.gap.before,
-            found.gap.after
-        );
     }
-    println!(
-        "first name right {first_right} of {logs}, exact set {exact}; false names on {false_names} of {nothing} logs with nothing \
-         hidden; {:.1} s a log",
-        seconds / (logs + nothing).max(1) as f64
-    );
+}
+
+fn score(cli: &Cli) -> Result<(), Box<dyn Error>> {
+    let noises: &[NoiseLevel] = match cli.noise {
+        Noise::Low => &[NoiseLevel::Low],
+        Noise::Medium => &[NoiseLevel::Realistic],
+        Noise::High => &[NoiseLevel::High],
+        Noise::Each => &NOISES,
+    };
+    let all: Vec<Case> = (0..cli.logs)
+        .flat_map(|k| {
+            noises.iter().map(move |&noise| Case {
+                rig: cli.rig,
+                set: cli.set,
+                kinds: cli.kinds,
+                noise,
+                seed: cli.first_seed.wrapping_add(k),
+            })
+        })
+        .collect();
+    let mut lines = Lines::open(cli.lines.as_deref())?;
+    let cases: Vec<Case> = all
+        .iter()
+        .filter(|case| !lines.has(&case.id()))
+        .copied()
+        .collect();
+    let jobs = match cli.jobs {
+        Some(jobs) => usize::from(jobs),
+        None => std::thread::available_parallelism().map_or(1, usize::from),
+    };
+    let jobs = jobs.min(cases.len());
+    let models = cli.models.clone().unwrap_or_else(models);
+    let (next, (sender, done)) = (AtomicUsize::new(0), mpsc::channel());
+    std::thread::scope(|scope| {
+        for _ in 0..jobs {
+            let (sender, cases, next, models) = (sender.clone(), &cases, &next, &models);
+            scope.spawn(move || {
+                while let Some(case) = cases.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let line = one(case, models, usize::from(cli.threads), jobs == 1);
+                    // Nobody listens where another log has failed: then there is nothing more to do.
+                    if sender
+                        .send(line.map_err(|e| format!("{}: {e}", case.id())))
+                        .is_err()
+                    {
+                        return;
+                    }
+                }
+            });
+        }
+        drop(sender);
+        let mut count = 0;
+        for line in done {
+            let line = line?;
+            count += 1;
+            println!("{count}/{} {}", cases.len(), in_words(&line));
+            lines.add(line)?;
+        }
+        Ok::<(), Box<dyn Error>>(())
+    })?;
+    let ids: BTreeSet<String> = all.iter().map(Case::id).collect();
+    let scored: Vec<Line> = lines
+        .lines
+        .into_iter()
+        .filter(|line| ids.contains(&line.id))
+        .collect();
+    println!("\n{}", tables(&scored));
     Ok(())
+}
+
+/// A log on its own threads, with a folder that is gone afterwards.
+fn one(
+    case: &Case,
+    models: &Path,
+    threads: usize,
+    alone: bool,
+) -> Result<Line, Box<dyn Error + Send + Sync>> {
+    let dir = tempfile::tempdir()?;
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()?;
+    Ok(pool.install(|| run(case, models, dir.path(), alone))?)
+}
+
+/// The lines there are, and the file for more.
+struct Lines {
+    lines: Vec<Line>,
+    file: Option<File>,
+}
+
+impl Lines {
+    fn open(path: Option<&Path>) -> Result<Self, Box<dyn Error>> {
+        let Some(path) = path else {
+            return Ok(Lines {
+                lines: Vec::new(),
+                file: None,
+            });
+        };
+        let lines = if path.exists() {
+            drop_unfinished(path)?;
+            read(path)?
+        } else {
+            Vec::new()
+        };
+        let file = File::options().create(true).append(true).open(path)?;
+        Ok(Lines {
+            lines,
+            file: Some(file),
+        })
+    }
+
+    fn has(&self, id: &str) -> bool {
+        self.lines.iter().any(|line| line.id == id)
+    }
+
+    fn add(&mut self, line: Line) -> Result<(), Box<dyn Error>> {
+        if let Some(file) = &mut self.file {
+            let text = serde_json::to_string(&line)? + "\n";
+            file.write_all(text.as_bytes())?;
+        }
+        self.lines.push(line);
+        Ok(())
+    }
+}
+
+/// Cuts off what an interrupted run left of its last line.
+fn drop_unfinished(path: &Path) -> Result<(), Box<dyn Error>> {
+    let text = std::fs::read(path)?;
+    let whole = text.iter().rposition(|b| *b == b'\n').map_or(0, |k| k + 1);
+    if whole < text.len() {
+        File::options()
+            .write(true)
+            .open(path)?
+            .set_len(whole as u64)?;
+    }
+    Ok(())
+}
+
+fn read(path: &Path) -> Result<Vec<Line>, Box<dyn Error>> {
+    let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
+    text.lines()
+        .enumerate()
+        .map(|(k, line)| {
+            let place = |e| format!("{}:{}: {e}", path.display(), k + 1);
+            Ok(serde_json::from_str(line).map_err(place)?)
+        })
+        .collect()
+}
+
+fn read_all(files: &[PathBuf]) -> Result<Vec<Line>, Box<dyn Error>> {
+    let mut lines = Vec::new();
+    for file in files {
+        lines.extend(read(file)?);
+    }
+    Ok(lines)
+}
+
+/// `models` of the working folder, or else of the sources that this program was built from.
+fn models() -> PathBuf {
+    let here = Path::new("models");
+    match here.join("cartpole/rig.toml").exists() {
+        true => here.to_owned(),
+        false => Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models"),
+    }
+}
+
+/// `cartpole/one/low/7 viscous_friction on slider -> viscous_friction on slider (0.99); gap 3.1 -> 1.0; 2.1 s`.
+fn in_words(line: &Line) -> String {
+    let hidden: Vec<String> = line
+        .hidden
+        .iter()
+        .map(|t| format!("{} on {} {:?}", t.kind, t.target, t.parameters))
+        .collect();
+    let named: Vec<String> = line
+        .named
+        .iter()
+        .map(|e| {
+            let others = e.indistinguishable_from.iter();
+            let tie: String = others.map(|o| format!(" ≡ {}", o.kind)).collect();
+            format!("{} on {} ({:.2}){tie}", e.kind, e.target, e.confidence)
+        })
+        .collect();
+    let right = match line.hidden.is_empty() {
+        true => line.named.is_empty(),
+        false => line.first_is_right(),
+    };
+    let said = match (&line.error, named.is_empty()) {
+        (Some(error), _) => error.clone(),
+        (None, true) => line.verdict.clone(),
+        (None, false) => named.join(", "),
+    };
+    let gap = line.gap.map_or(String::new(), |[before, after]| {
+        format!("; gap {before:.1} -> {after:.1}")
+    });
+    format!(
+        "{}{} {} -> {said}{gap}; {:.1} s",
+        if right { "" } else { "x " },
+        line.id,
+        hidden.join(", "),
+        line.seconds
+    )
 }

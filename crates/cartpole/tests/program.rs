@@ -160,3 +160,72 @@ fn a_clear_effect_is_recorded_found_and_compared_with_the_key() {
     let written: serde_json::Value = serde_json::from_slice(&written).unwrap();
     assert_eq!(written, document["diagnosis"]);
 }
+
+/// All bytes that the rig leaves in a folder, by path.
+fn files(dir: &Path) -> Vec<(std::path::PathBuf, Vec<u8>)> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(dir).unwrap() {
+        let path = entry.unwrap().path();
+        match path.is_dir() {
+            true => found.extend(files(&path)),
+            false => found.push((path.clone(), std::fs::read(&path).unwrap())),
+        }
+    }
+    found
+}
+
+#[test]
+fn a_secret_draw_is_in_its_key_file_and_nowhere_else() {
+    let dir = tempfile::tempdir().unwrap();
+    let config = Config::read(&Path::new(MODELS).join("rig.toml")).unwrap();
+    for (seed, json) in [(7_654_321_u64, false), (7_654_322, true)] {
+        let seed_text = seed.to_string();
+        let mut arguments = vec!["rig", "--secret", &seed_text, "--from", "all"];
+        arguments.extend(["--duration", "5", "--out", "handed/over"]);
+        if json {
+            arguments.push("--json");
+        }
+        let output = cartpole(dir.path(), &arguments);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+
+        // The draw is that of the same seed in the open, and its key lies outside of what is handed over.
+        let key = Key::read_json(&dir.path().join("handed/over.key.json")).unwrap();
+        assert_eq!((key.seed, key.hidden), (seed, draw_any(&config, seed)));
+        let in_folder = files(&dir.path().join("handed/over"));
+        let names: Vec<_> = in_folder
+            .iter()
+            .map(|(path, _)| path.file_name().unwrap().to_str().unwrap().to_owned())
+            .collect();
+        assert_eq!(in_folder.len(), 3, "{names:?}");
+
+        let mut said = vec![text(&output.stdout), text(&output.stderr)];
+        said.extend(in_folder.iter().map(|(_, bytes)| text(bytes)));
+        let truth: Vec<String> = [key.hidden.kind().to_owned(), seed_text.clone()]
+            .into_iter()
+            .chain(key.hidden.parameters().iter().map(|(_, x)| x.to_string()))
+            .collect();
+        // What the model still says of a kind is what its user knows anyway.
+        let model = std::fs::read_to_string(Path::new(MODELS).join("cartpole.toml")).unwrap();
+        for secret in truth.iter().filter(|secret| !model.contains(*secret)) {
+            for said in &said {
+                assert!(!said.contains(secret), "{secret} is told in: {said}");
+            }
+        }
+    }
+    for usage in [
+        &["--secret", "1", "--seed", "2"][..],
+        &["--secret", "1", "--nothing"],
+        &["--secret", "1", "--effect", "input_delay"],
+    ] {
+        assert_eq!(cartpole(dir.path(), usage).status.code(), Some(2));
+    }
+}
+
+#[test]
+fn the_key_goes_where_it_is_told_to() {
+    let dir = tempfile::tempdir().unwrap();
+    let arguments = ["rig", "--secret", "5", "--duration", "2", "--key", "k.json"];
+    let output = cartpole(dir.path(), &arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert_eq!(Key::read_json(&dir.path().join("k.json")).unwrap().seed, 5);
+}

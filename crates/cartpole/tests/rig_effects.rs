@@ -157,6 +157,8 @@ fn the_string_between_motor_and_cart_swings_at_its_resonance() {
             stiffness: k,
             damping,
             motor_inertia: j,
+            hardening: 0.0,
+            free_play: 0.0,
         }),
         ..Effects::default()
     };
@@ -200,6 +202,8 @@ fn a_stiff_string_is_a_motor_that_rides_on_the_cart() {
             stiffness,
             damping: 2.0,
             motor_inertia: 0.1,
+            hardening: 0.0,
+            free_play: 0.0,
         };
         let effects = Effects {
             string: Some(string),
@@ -430,6 +434,7 @@ fn a_periodic_force_has_its_potential_and_its_period() {
         amplitude: 0.15,
         period: 0.04,
         phase: 0.7,
+        second: 0.0,
     };
     let slider = JointForces {
         ripple: Some(ripple),

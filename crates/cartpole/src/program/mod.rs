@@ -53,6 +53,13 @@ struct Options {
     /// Seed of the effect, the motion and the noise [default: from the clock]
     #[arg(long, global = true, value_name = "N")]
     seed: Option<u64>,
+    /// Draw like --seed, and tell nobody: neither seed nor effect is printed, and the key goes to a file outside of the folder of the
+    /// log, which stays closed
+    #[arg(long, global = true, value_name = "SEED", conflicts_with_all = ["seed", "effect", "nothing"])]
+    secret: Option<u64>,
+    /// File that tells what is hidden [default: key.json in the folder; with --secret, FOLDER.key.json beside it]
+    #[arg(long, global = true, value_name = "FILE")]
+    key: Option<PathBuf>,
     /// Noise of the rig [default: as in rig.toml]
     #[arg(long, global = true, value_enum)]
     noise: Option<Noise>,
@@ -149,7 +156,8 @@ fn usage(error: &clap::Error) -> ExitCode {
 }
 
 fn execute(cli: &Cli, output: &Output) -> Result<(), Error> {
-    let seed = cli.options.seed.unwrap_or_else(seed_of_the_clock);
+    let given = cli.options.secret.or(cli.options.seed);
+    let seed = given.unwrap_or_else(seed_of_the_clock);
     let setting = Setting::read(&cli.options, seed)?;
     match cli.command {
         Some(Command::Rig) => story::rig(&setting, output),

@@ -11,8 +11,12 @@ pub(super) struct Setting {
     pub config: Config,
     pub hidden: Hidden,
     pub seed: u64,
-    /// Whether nobody knows what is hidden.
+    /// Whether nobody knows what is hidden until the diagnosis is there.
+    pub drawn: bool,
+    /// Whether nobody is told afterwards either.
     pub secret: bool,
+    /// The file that tells what is hidden.
+    pub key: PathBuf,
     /// The folder of the models.
     pub models: PathBuf,
     /// The folder of everything that is written.
@@ -41,10 +45,25 @@ impl Setting {
             config,
             hidden,
             seed,
-            secret: options.effect.is_none() && !options.nothing,
+            drawn: options.effect.is_none() && !options.nothing,
+            secret: options.secret.is_some(),
+            key: key(options),
             models,
             out: options.out.clone(),
         })
+    }
+}
+
+/// Where the key goes.
+fn key(options: &Options) -> PathBuf {
+    match (&options.key, options.secret, options.out.file_name()) {
+        (Some(key), _, _) => key.clone(),
+        (None, Some(_), Some(name)) => {
+            let mut name = name.to_owned();
+            name.push(".key.json");
+            options.out.with_file_name(name)
+        }
+        _ => options.out.join("key.json"),
     }
 }
 

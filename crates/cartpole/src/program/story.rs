@@ -27,7 +27,7 @@ pub(super) fn rig(setting: &Setting, output: &Output) -> Result<(), Error> {
     let recorded = record(setting, output)?;
     if output.json {
         output.document(&json!({
-            "seed": setting.seed,
+            "seed": (!setting.secret).then_some(setting.seed),
             "log": recorded.log,
             "model": recorded.model,
             "key": recorded.key,
@@ -42,6 +42,9 @@ pub(super) fn whole(setting: &Setting, output: &Output) -> Result<(), Error> {
     let finished = diagnose(setting, &recorded, output)?;
     let diagnosis = &finished.diagnosis;
     output.say(&format!("\n{}", summary(diagnosis)))?;
+    if setting.secret {
+        return sealed(&recorded, &finished, output);
+    }
 
     let key = Key::read_json(&recorded.key)?;
     let judgement = Judgement::of(&key.hidden, diagnosis.verdict, &diagnosis.effects);
@@ -82,6 +85,29 @@ pub(super) fn whole(setting: &Setting, output: &Output) -> Result<(), Error> {
     Ok(())
 }
 
+/// The end where the key stays closed.
+fn sealed(recorded: &Recorded, finished: &Finished, output: &Output) -> Result<(), Error> {
+    output.say(&format!(
+        "\nwhat was hidden stays sealed in {}\nthe report is {}\n",
+        recorded.key.display(),
+        finished.report.display()
+    ))?;
+    if output.json {
+        output.document(&json!({
+            "diagnosis": finished.diagnosis,
+            "files": {
+                "report": finished.report,
+                "diagnosis": finished.json,
+                "revised_model": finished.model,
+                "model": recorded.model,
+                "log": recorded.log,
+                "key": recorded.key,
+            },
+        }))?;
+    }
+    Ok(())
+}
+
 /// Runs the rig and writes log, model and key.
 fn record(setting: &Setting, output: &Output) -> Result<Recorded, Error> {
     let (config, hidden, out) = (&setting.config, &setting.hidden, &setting.out);
@@ -89,12 +115,16 @@ fn record(setting: &Setting, output: &Output) -> Result<Recorded, Error> {
     let model = known_model(hidden, &setting.models, out)?; // makes the folder
     let log = out.join("log.csv");
     recording.write_csv(&log)?;
-    let key = out.join("key.json");
+    let key = setting.key.clone();
     Key::new(config, hidden, setting.seed).write_json(&key)?;
     output.say(&format!(
-        "seed {}: --seed {0} repeats this run\n{}\nthe rig ran for {} s at {} Hz: {}\nthe model that it is compared with: {}\n",
-        setting.seed,
-        match (setting.secret, hidden) {
+        "{}{}\nthe rig ran for {} s at {} Hz: {}\nthe model that it is compared with: {}\n",
+        if setting.secret {
+            String::new()
+        } else {
+            format!("seed {}: --seed {0} repeats this run\n", setting.seed)
+        },
+        match (setting.drawn, hidden) {
             (true, _) => format!(
                 "a hidden effect is drawn; what it is, is sealed in {} until the end",
                 key.display()
@@ -121,9 +151,12 @@ fn diagnose(setting: &Setting, recorded: &Recorded, output: &Output) -> Result<F
     let model = output.load_model(&recorded.model)?;
     let log = output.read_log(&recorded.log, &model)?;
     let out: &Path = &setting.out.join("diagnosis");
-    // The seed may have come from the clock: with it the command repeats the run.
-    let mut command = command_line();
-    if !command.contains("--seed") {
+    // The seed may have come from the clock: with it the command repeats the run. A secret one is in no file that a report is made of.
+    let mut command = match setting.secret {
+        true => "cartpole --secret …".to_owned(),
+        false => command_line(),
+    };
+    if !setting.secret && !command.contains("--seed") {
         command += &format!(" --seed {}", setting.seed);
     }
     Ok(workflow::run(

@@ -48,7 +48,7 @@ pub fn draw_of(config: &Config, case: usize, seed: u64) -> Hidden {
     draw_case(config, case % CHOICES, &mut rng)
 }
 
-fn draw_case(config: &Config, case: usize, rng: &mut ChaCha8Rng) -> Hidden {
+pub(super) fn draw_case(config: &Config, case: usize, rng: &mut ChaCha8Rng) -> Hidden {
     use Target::{Motor, Pole, Slider};
     let mut size = |[from, to]: Range| rng.random_range(from..=to);
     let ranges = &config.hidden;

@@ -4,8 +4,7 @@ use std::f64::consts::TAU;
 
 use integrators::event::Direction;
 
-use super::{Error, Hidden, Target};
-use crate::config::{Known, Rail};
+use crate::config::Rail;
 
 /// The forces on one joint: smooth ones, and dry friction, which is set-valued at rest.
 ///
@@ -16,10 +15,14 @@ pub struct JointForces {
     pub viscous: [f64; 2],
     /// d in Q = −d |v| v.
     pub quadratic: f64,
+    /// Another law of that drag.
+    pub power: Option<Power>,
     /// k in Q = −k (q − rest).
     pub spring: f64,
     /// Where the spring pulls to.
     pub rest: f64,
+    /// Within ± this of its rest the spring does not pull; its force begins at 0 there.
+    pub free_play: f64,
     /// k₃ in Q = −k₃ q³.
     pub cubic: f64,
     /// F in Q = F.
@@ -35,20 +38,48 @@ impl JointForces {
     pub fn smooth(&self, q: f64, v: f64) -> f64 {
         let [forwards, backwards] = self.viscous;
         let viscous = if v > 0.0 { forwards } else { backwards };
-        let smooth = self.constant
-            - self.spring * (q - self.rest)
-            - self.cubic * q.powi(3)
-            - (viscous + self.quadratic * v.abs()) * v;
+        let mut stretch = q - self.rest;
+        if self.free_play > 0.0 {
+            stretch -= stretch.clamp(-self.free_play, self.free_play);
+        }
+        let drag = match self.power {
+            None => self.quadratic * v.abs(),
+            Some(power) => power.drag(self.quadratic, v.abs()),
+        };
+        let smooth =
+            self.constant - self.spring * stretch - self.cubic * q.powi(3) - (viscous + drag) * v;
         match self.ripple {
             None => smooth,
             Some(ripple) => {
-                smooth + ripple.amplitude * (TAU * q / ripple.period + ripple.phase).sin()
+                let angle = TAU * q / ripple.period + ripple.phase;
+                let first = smooth + ripple.amplitude * angle.sin();
+                if ripple.second == 0.0 {
+                    first
+                } else {
+                    first + ripple.second * ripple.amplitude * (2.0 * angle).sin()
+                }
             }
         }
     }
 }
 
-/// Q = A sin(2π q/λ + φ), with the potential A λ/2π cos(2π q/λ + φ).
+/// Drag by a power of the speed: Q = −d v₀² (|v|/v₀)ⁿ sgn v, which is that of the square at the speed v₀.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Power {
+    /// n, above 1.
+    pub exponent: f64,
+    /// v₀.
+    pub speed: f64,
+}
+
+impl Power {
+    /// The force over the velocity, d v₀ (|v|/v₀)ⁿ⁻¹.
+    fn drag(self, coefficient: f64, speed: f64) -> f64 {
+        coefficient * self.speed * (speed / self.speed).powf(self.exponent - 1.0)
+    }
+}
+
+/// Q = A [sin θ + s sin 2θ], θ = 2π q/λ + φ; with s = 0 it has the potential A λ/2π cos(2π q/λ + φ).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ripple {
     /// A.
@@ -57,6 +88,8 @@ pub struct Ripple {
     pub period: f64,
     /// φ, rad.
     pub phase: f64,
+    /// s, the second harmonic's share.
+    pub second: f64,
 }
 
 /// Dry friction: opposes motion with a force of its own size for each direction, raised at low speed; at rest it takes any value
@@ -71,8 +104,12 @@ pub struct DryFriction {
     pub stribeck: f64,
     /// v_s in exp(−(v/v_s)²); taken for ∞ where there is no Stribeck force.
     pub stribeck_velocity: f64,
+    /// n in exp(−(|v|/v_s)ⁿ) where it is not 2.
+    pub stribeck_exponent: Option<f64>,
     /// s: either force is larger by s q; where that makes it negative there is none.
     pub slope: f64,
+    /// L in s L tanh(q/L) in place of s q.
+    pub slope_reach: Option<f64>,
     /// μ: either force is larger by μ |f|, f the motor's force.
     pub load: f64,
 }
@@ -97,6 +134,9 @@ impl DryFriction {
         if self.slope == 0.0 && self.load == 0.0 {
             return size;
         }
+        let q = self
+            .slope_reach
+            .map_or(q, |reach| reach * (q / reach).tanh());
         (size + self.slope * q).max(0.0) + self.load * f.abs()
     }
 
@@ -106,7 +146,13 @@ impl DryFriction {
         let hump = if self.stribeck == 0.0 {
             0.0
         } else {
-            self.stribeck * (-(speed / self.stribeck_velocity).powi(2)).exp()
+            let ratio = speed / self.stribeck_velocity;
+            let power = match self.stribeck_exponent {
+                None => ratio.powi(2),
+                // A trial step past rest asks below 0.
+                Some(exponent) => ratio.max(0.0).powf(exponent),
+            };
+            self.stribeck * (-power).exp()
         };
         match direction {
             Direction::Positive => self.against_positive + hump,
@@ -168,12 +214,18 @@ pub struct Drive {
     pub delay: f64,
     /// Half width of the dead zone, N.
     pub dead_zone: f64,
+    /// Share of the input that comes through within the dead zone.
+    pub leak: f64,
     /// Largest force, N.
     pub limit: Option<f64>,
+    /// Whether the force bends towards the limit, L tanh(u/L), in place of being clipped at it.
+    pub soft: bool,
     /// N.
     pub offset: f64,
     /// T in T ḟ = (what arrives) − f, s; f = 0 at the start.
     pub lag: Option<f64>,
+    /// T₂ in T₂ ġ = f − g, s, of a second lag behind the first; then g is the force. Only with a first one.
+    pub second_lag: Option<f64>,
 }
 
 impl Drive {
@@ -181,10 +233,14 @@ impl Drive {
     pub fn force(&self, u: f64) -> f64 {
         let mut force = (1.0 + self.gain) * u;
         if self.dead_zone > 0.0 {
-            force -= force.clamp(-self.dead_zone, self.dead_zone);
+            force -= (1.0 - self.leak) * force.clamp(-self.dead_zone, self.dead_zone);
         }
         if let Some(limit) = self.limit {
-            force = force.clamp(-limit, limit);
+            force = if self.soft {
+                limit * (force / limit).tanh()
+            } else {
+                force.clamp(-limit, limit)
+            };
         }
         if self.offset == 0.0 {
             force
@@ -194,8 +250,8 @@ impl Drive {
     }
 }
 
-/// An elastic string between the motor and the cart: J z̈ = f − k (z − x) − c (ż − ẋ), and the same k (z − x) + c (ż − ẋ) on the cart.
-/// J is not a part of the mass that slides.
+/// An elastic string between the motor and the cart: J z̈ = f − T, and the same T = k e + k₃ e³ + c (ż − ẋ) on the cart, with the
+/// stretch e = z − x beyond the free play; within it the string is slack, T = 0. J is not a part of the mass that slides.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ElasticString {
     /// k, N/m.
@@ -204,6 +260,31 @@ pub struct ElasticString {
     pub damping: f64,
     /// J, kg.
     pub motor_inertia: f64,
+    /// k₃, N/m³.
+    pub hardening: f64,
+    /// Way of the motor in which the string is slack, m.
+    pub free_play: f64,
+}
+
+impl ElasticString {
+    /// T at z − x and ż − ẋ.
+    pub fn pull(&self, apart: f64, rate: f64) -> f64 {
+        let half = 0.5 * self.free_play;
+        let stretch = if half > 0.0 {
+            apart - apart.clamp(-half, half)
+        } else {
+            apart
+        };
+        if half > 0.0 && stretch == 0.0 {
+            return 0.0;
+        }
+        let pull = self.stiffness * stretch + self.damping * rate;
+        if self.hardening == 0.0 {
+            pull
+        } else {
+            pull + self.hardening * stretch.powi(3)
+        }
+    }
 }
 
 /// What is wrong with the two position sensors, beside noise: at t they read (1 + scale) q(t − delay) + offset.
@@ -255,167 +336,4 @@ pub struct Effects {
     pub sensors: SensorFaults,
     /// The ends of the rail, where it has some.
     pub rail: Option<Rail>,
-}
-
-impl Effects {
-    /// The known friction and the hidden effect. A hidden friction takes the place of the known one of its kind and joint;
-    /// asymmetric viscous friction takes the place of the viscous one of its joint; asymmetric, Stribeck, position-dependent, Dahl's
-    /// and LuGre friction take the place of the Coulomb friction of theirs. All others come beside it.
-    pub fn of(known: &Known, hidden: &Hidden) -> Result<Self, Error> {
-        hidden.check()?;
-        let mut effects = Effects::default();
-        let symmetric = |force| DryFriction {
-            against_positive: force,
-            against_negative: force,
-            ..DryFriction::default()
-        };
-        effects.joints[0].dry = symmetric(known.slider_coulomb_friction);
-        effects.joints[1].viscous = [known.pole_viscous_friction; 2];
-        let Effects {
-            joints,
-            drive,
-            backlash,
-            string,
-            bristles,
-            slipping_spring,
-            sensors,
-            ..
-        } = &mut effects;
-        let [slider, pole] = joints;
-        let sensor = usize::from(hidden.target() == Some(Target::Pole));
-        let joint = if hidden.target() == Some(Target::Pole) {
-            pole
-        } else {
-            slider
-        };
-        match *hidden {
-            Hidden::Nothing => {}
-            Hidden::ViscousFriction { coefficient, .. } => joint.viscous = [coefficient; 2],
-            Hidden::CoulombFriction { force, .. } => joint.dry = symmetric(force),
-            Hidden::AsymmetricCoulombFriction {
-                force_positive,
-                force_negative,
-                ..
-            } => {
-                joint.dry = DryFriction {
-                    against_positive: force_positive,
-                    against_negative: force_negative,
-                    ..DryFriction::default()
-                };
-            }
-            Hidden::StribeckFriction {
-                coulomb_force,
-                static_force,
-                stribeck_velocity,
-                ..
-            } => {
-                joint.dry = DryFriction {
-                    stribeck: static_force - coulomb_force,
-                    stribeck_velocity,
-                    ..symmetric(coulomb_force)
-                };
-            }
-            Hidden::QuadraticDrag { coefficient, .. } => joint.quadratic = coefficient,
-            Hidden::LinearSpring {
-                stiffness, rest, ..
-            } => {
-                joint.spring = stiffness;
-                joint.rest = rest;
-            }
-            Hidden::CubicSpring { stiffness, .. } => joint.cubic = stiffness,
-            Hidden::ConstantForce { force, .. } => joint.constant = force,
-            Hidden::InputGainError { gain, .. } => drive.gain = gain,
-            Hidden::InputDelay { delay, .. } => drive.delay = delay,
-            Hidden::Backlash {
-                gap,
-                restitution,
-                motor_inertia,
-                ..
-            } => {
-                *backlash = Some(Backlash {
-                    gap,
-                    restitution,
-                    motor_inertia,
-                });
-            }
-            Hidden::AsymmetricViscousFriction {
-                coefficient_positive,
-                coefficient_negative,
-                ..
-            } => joint.viscous = [coefficient_positive, coefficient_negative],
-            Hidden::PositionDependentFriction { force, slope, .. } => {
-                joint.dry = DryFriction {
-                    slope,
-                    ..symmetric(force)
-                };
-            }
-            Hidden::LoadDependentFriction { coefficient, .. } => joint.dry.load = coefficient,
-            Hidden::PeriodicForce {
-                amplitude,
-                period,
-                phase,
-                ..
-            } => {
-                joint.ripple = Some(Ripple {
-                    amplitude,
-                    period,
-                    phase,
-                });
-            }
-            Hidden::InputOffset { offset, .. } => drive.offset = offset,
-            Hidden::ActuatorLag { time_constant, .. } => drive.lag = Some(time_constant),
-            Hidden::InputDeadZone { width, .. } => drive.dead_zone = width,
-            Hidden::InputSaturation { limit, .. } => drive.limit = Some(limit),
-            Hidden::ElasticTransmission {
-                stiffness,
-                damping,
-                motor_inertia,
-                ..
-            } => {
-                *string = Some(ElasticString {
-                    stiffness,
-                    damping,
-                    motor_inertia,
-                });
-            }
-            Hidden::SensorOffset { offset, .. } => sensors.offset[sensor] = offset,
-            Hidden::SensorScale { scale, .. } => sensors.scale[sensor] = scale,
-            Hidden::SensorDelay { delay, .. } => sensors.delay[sensor] = delay,
-            Hidden::DahlFriction {
-                stiffness,
-                coulomb_force,
-                ..
-            } => {
-                joint.dry = DryFriction::default();
-                *bristles = Some(Bristles {
-                    stiffness,
-                    damping: 0.0,
-                    slip: symmetric(coulomb_force),
-                });
-            }
-            Hidden::LugreFriction {
-                stiffness,
-                damping,
-                coulomb_force,
-                static_force,
-                stribeck_velocity,
-                ..
-            } => {
-                joint.dry = DryFriction::default();
-                *bristles = Some(Bristles {
-                    stiffness,
-                    damping,
-                    slip: DryFriction {
-                        stribeck: static_force - coulomb_force,
-                        stribeck_velocity,
-                        ..symmetric(coulomb_force)
-                    },
-                });
-            }
-            Hidden::Hysteresis {
-                stiffness, width, ..
-            } => *slipping_spring = Some(SlippingSpring { stiffness, width }),
-        }
-        Ok(effects)
-    }
 }

@@ -28,6 +28,24 @@ pub enum Error {
     /// The URDF has faults.
     #[error("{0}")]
     Urdf(lagrange::Problems),
+    /// Factors on the masses that no mechanism has.
+    #[error(
+        "{scales:?} are no factors on the masses: give {expected} of them, each finite and above 0"
+    )]
+    Masses {
+        /// The factors.
+        scales: Vec<f64>,
+        /// How many bodies the mechanism has.
+        expected: usize,
+    },
+    /// Two effects that cannot be on the rig at once.
+    #[error("{first} and {second} are the same thing of the rig: hide one of them")]
+    SamePlace {
+        /// One effect.
+        first: String,
+        /// The other.
+        second: String,
+    },
     /// The equations of motion have no solution.
     #[error("at t = {time} s: {source}")]
     Mechanics {

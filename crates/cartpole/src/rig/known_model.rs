@@ -12,6 +12,15 @@ use super::{Error, Hidden};
 /// It is `models_dir/cartpole.toml` without the effect of the hidden kind on the hidden joint, when there is one. What is hidden behind
 /// asymmetric, Stribeck, position-dependent, Dahl's or LuGre friction is the law, so the plain friction stays: it is then the wrong law.
 pub fn known_model(hidden: &Hidden, models_dir: &Path, out_dir: &Path) -> Result<PathBuf, Error> {
+    known_model_without(std::slice::from_ref(hidden), models_dir, out_dir)
+}
+
+/// [`known_model`] for several hidden effects.
+pub fn known_model_without(
+    hidden: &[Hidden],
+    models_dir: &Path,
+    out_dir: &Path,
+) -> Result<PathBuf, Error> {
     let source = models_dir.join("cartpole.toml");
     let fault = |reason: String| Error::Model {
         path: source.clone(),
@@ -26,13 +35,16 @@ pub fn known_model(hidden: &Hidden, models_dir: &Path, out_dir: &Path) -> Result
         .and_then(Item::as_str)
         .ok_or_else(|| fault("has no `urdf = \"…\"`: the rig's model is a URDF".into()))?
         .to_owned();
-    if let (Some(target), Some(effects)) = (
-        hidden.target(),
-        model
-            .get_mut("effect")
-            .and_then(Item::as_array_of_tables_mut),
-    ) {
-        effects.retain(|effect| !is(effect, hidden.kind(), target.name()));
+    if let Some(effects) = model
+        .get_mut("effect")
+        .and_then(Item::as_array_of_tables_mut)
+    {
+        effects.retain(|effect| {
+            !hidden.iter().any(|hidden| {
+                let target = hidden.target();
+                target.is_some_and(|target| is(effect, hidden.kind(), target.name()))
+            })
+        });
         if effects.is_empty() {
             model.remove("effect");
         }

@@ -22,17 +22,22 @@ mod key;
 mod known_model;
 mod noise;
 pub mod operator;
+mod placing;
 pub mod plant;
 mod recording;
+mod scene;
 pub mod sensors;
+mod sizes;
 pub mod truth;
 
+use draw::draw_case;
 pub use draw::{CASES, CASES_ALL, CHOICES, draw, draw_any, draw_of};
 pub use error::Error;
 pub use hidden::{Hidden, Target};
 pub use key::Key;
-pub use known_model::known_model;
+pub use known_model::{known_model, known_model_without};
 pub use recording::Recording;
+pub use scene::{Base, Dirt, FORM_CASES, Forms, Scene, draw_several, draw_suspects};
 
 use std::collections::VecDeque;
 
@@ -54,6 +59,7 @@ mod stream {
     pub const TREMOR: u64 = 2;
     pub const CART_FORCE: u64 = 3;
     pub const SENSORS: u64 = 4;
+    pub const SCENE: u64 = 5;
 }
 
 /// The disturbing force on the cart changes this often, s.
@@ -61,8 +67,17 @@ const DISTURBANCE_INTERVAL: f64 = 5e-3;
 
 /// A recording of the rig with the hidden effect. Same arguments, same bits.
 pub fn run(config: &Config, hidden: &Hidden, seed: u64) -> Result<Recording, Error> {
-    let (recording, _) = run_with(plant::read(&config.urdf)?, config, hidden, seed)?;
-    Ok(recording)
+    run_scene(config, &Scene::of(hidden), seed)
+}
+
+/// A recording of the rig with everything that sets it apart from its model. Same arguments, same bits.
+pub fn run_scene(config: &Config, scene: &Scene, seed: u64) -> Result<Recording, Error> {
+    let plant = plant::read(&config.urdf)?;
+    let plant = match scene.masses() {
+        Some(masses) => plant.with_masses(&masses)?,
+        None => plant,
+    };
+    Ok(run_effects(plant, config, scene.effects(&config.known)?, seed)?.0)
 }
 
 /// [`run`] on a given plant; returns also the true state at each row.
@@ -72,6 +87,15 @@ pub fn run_with<P: Plant>(
     hidden: &Hidden,
     seed: u64,
 ) -> Result<(Recording, Vec<State>), Error> {
+    run_effects(plant, config, Effects::of(&config.known, hidden)?, seed)
+}
+
+fn run_effects<P: Plant>(
+    plant: P,
+    config: &Config,
+    effects: Effects,
+    seed: u64,
+) -> Result<(Recording, Vec<State>), Error> {
     let random = |stream| {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(stream);
@@ -79,7 +103,7 @@ pub fn run_with<P: Plant>(
     };
     let effects = Effects {
         rail: Some(config.rail),
-        ..Effects::of(&config.known, hidden)?
+        ..effects
     };
     let noise = config.noise();
     let interval = 1.0 / config.rate;

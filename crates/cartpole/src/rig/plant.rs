@@ -42,6 +42,19 @@ impl Mechanism {
             mechanics: mechanics.into(),
         })
     }
+
+    /// With other factors on the masses and inertias of its bodies, in the order of the mechanics' constants.
+    pub fn with_masses(mut self, scales: &[f64]) -> Result<Self, Error> {
+        let expected = self.constants.len();
+        if scales.len() != expected || !scales.iter().all(|s| *s > 0.0 && s.is_finite()) {
+            return Err(Error::Masses {
+                scales: scales.to_vec(),
+                expected,
+            });
+        }
+        self.constants.copy_from_slice(scales);
+        Ok(self)
+    }
 }
 
 /// The cart-pole of a URDF: joints `slider` and `pole`, in this order. Friction in the URDF is left out: the rig has its own.

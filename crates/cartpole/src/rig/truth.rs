@@ -41,6 +41,8 @@ struct Layout {
     motor: Option<usize>,
     /// The motor's force, N, where it lags or where friction depends on it.
     force: Option<usize>,
+    /// The force between two lags, N.
+    between_lags: Option<usize>,
     /// The deflection of the bristles, m.
     bristles: Option<usize>,
     coordinates: usize,
@@ -59,6 +61,7 @@ impl Layout {
         Layout {
             motor: more(effects.backlash.is_some() || effects.string.is_some()),
             force: more(effects.drive.lag.is_some() || loaded),
+            between_lags: more(effects.drive.lag.is_some() && effects.drive.second_lag.is_some()),
             bristles: more(effects.bristles.is_some()),
             coordinates,
         }
@@ -116,6 +119,7 @@ impl<P: Plant> ContactSystem for Smooth<P> {
         let Layout {
             motor,
             force,
+            between_lags,
             bristles,
             ..
         } = self.layout;
@@ -142,7 +146,7 @@ impl<P: Plant> ContactSystem for Smooth<P> {
                 mass[(i, i)] += backlash.motor_inertia;
             }
             if let Some(string) = self.effects.string {
-                let pull = string.stiffness * (q[i] - q[0]) + string.damping * (v[i] - v[0]);
+                let pull = string.pull(q[i] - q[0], v[i] - v[0]);
                 mass[(i, i)] += string.motor_inertia;
                 total[i] -= pull;
                 total[0] += pull;
@@ -150,11 +154,16 @@ impl<P: Plant> ContactSystem for Smooth<P> {
         }
         if let Some(i) = force {
             mass[(i, i)] = 1.0;
-            total[i] = self
-                .effects
-                .drive
-                .lag
-                .map_or(0.0, |t| (arriving - v[i]) / t);
+            let lags = self.effects.drive;
+            total[i] = match (lags.lag, between_lags.zip(lags.second_lag)) {
+                (None, _) => 0.0,
+                (Some(t), None) => (arriving - v[i]) / t,
+                (Some(_), Some((between, t))) => (v[between] - v[i]) / t,
+            };
+            if let (Some(between), Some(t)) = (between_lags, lags.lag) {
+                mass[(between, between)] = 1.0;
+                total[between] = (arriving - v[between]) / t;
+            }
         }
         if let (Some(i), Some(law)) = (bristles, self.effects.bristles) {
             let (rate, friction) = law.bend(v[i], v[0]);

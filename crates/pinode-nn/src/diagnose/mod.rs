@@ -31,6 +31,7 @@ use self::curves::Curves;
 use self::setup::prepare;
 use self::verdict::{Diagnosis, LogProvenance, Numerics, Provenance, Verdict};
 use crate::Error;
+use crate::effect::Kind;
 use crate::entries::refuse_poses;
 use crate::hybrid::Hybrid;
 use crate::log::Log;
@@ -76,13 +77,42 @@ pub fn diagnose(
     diagnose_into(model, logs, held_out, (out, "model.toml"), seed, report)
 }
 
+/// [`diagnose`] as it would be if the library had not the kinds `without`: what is said where the missing effect is in no library?
+///
+/// # Errors
+/// As [`diagnose`].
+pub fn diagnose_without(
+    model: &Model,
+    logs: &[Log],
+    held_out: &[Log],
+    out: &Path,
+    seed: u64,
+    without: &[&'static Kind],
+    report: &dyn Fn(&str),
+) -> Result<Outcome, Error> {
+    let file = (out, "model.toml");
+    diagnose_among(model, logs, held_out, file, seed, without, report)
+}
+
 /// [`diagnose`], with another name for the new model.
 pub(crate) fn diagnose_into(
     model: &Model,
     logs: &[Log],
     held_out: &[Log],
+    file: (&Path, &str),
+    seed: u64,
+    report: &dyn Fn(&str),
+) -> Result<Outcome, Error> {
+    diagnose_among(model, logs, held_out, file, seed, &[], report)
+}
+
+fn diagnose_among(
+    model: &Model,
+    logs: &[Log],
+    held_out: &[Log],
     (out, file_name): (&Path, &str),
     seed: u64,
+    without: &[&'static Kind],
     report: &dyn Fn(&str),
 ) -> Result<Outcome, Error> {
     refuse_poses(model.mechanics.coordinates(), WORK)?;
@@ -99,7 +129,8 @@ pub(crate) fn diagnose_into(
     let (observations, data_faults) = audit::audit(model, logs, held_out);
     let fit_runs = logs.iter().map(|log| log.runs.len()).sum();
     report("fitting the model as given");
-    let prepared = prepare(model, observations, fit_runs)?;
+    let mut prepared = prepare(model, observations, fit_runs)?;
+    prepared.study.without = without.to_vec();
     let names: Vec<String> = model
         .inputs
         .iter()

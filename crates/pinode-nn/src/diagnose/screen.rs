@@ -168,6 +168,7 @@ pub fn screen(study: &Study, fitted: &Fitted) -> Screen {
     );
     let columns: Vec<Column> = Candidate::all(hybrid)
         .into_iter()
+        .filter(|candidate| !study.without.contains(&candidate.kind))
         .flat_map(|candidate| {
             let contained = candidate.contained(hybrid, &fit.theta);
             (candidate.kind.probes)(&candidate.scales(hybrid, &study.scales), &contained)

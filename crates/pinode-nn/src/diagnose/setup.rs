@@ -100,6 +100,7 @@ pub fn prepare(
         interval,
         substeps,
         finer: 1,
+        without: Vec::new(),
         observations,
         windows,
     };

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::score::{Paired, paired, samples_per_window, window_scores};
 use super::smooth::Smoothed;
-use crate::effect::Scales;
+use crate::effect::{Kind, Scales};
 use crate::hybrid::{HiddenPath, Hybrid, Placed, Reading};
 use crate::shooting::{Fit, FitOptions, HiddenPrior, Observations, Window, Windows, fit};
 
@@ -32,6 +32,8 @@ pub struct Study {
     pub substeps: usize,
     /// All steps are shorter by this factor: 2 to see whether a finding is numerical.
     pub finer: usize,
+    /// Kinds of effects that are no candidates.
+    pub without: Vec<&'static Kind>,
 }
 
 /// A model fitted to the seen windows, and its initial states (only those) to the windows held out.

@@ -1,0 +1,274 @@
+//! The logs of the bench.
+
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use super::{Error, Truth};
+use crate::config::{Config, NoiseLevel};
+use crate::rig::{
+    self, Base, CASES, CASES_ALL, Dirt, FORM_CASES, Forms, Hidden, Scene, draw_of, draw_several,
+    draw_suspects,
+};
+
+/// The three noise levels.
+pub const NOISES: [NoiseLevel; 3] = [NoiseLevel::Low, NoiseLevel::Realistic, NoiseLevel::High];
+
+/// A mechanism to hide effects in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Rig {
+    /// The cart-pole of the paper
+    Cartpole,
+}
+
+impl Rig {
+    /// Its name in lines.
+    pub fn name(self) -> &'static str {
+        match self {
+            Rig::Cartpole => "cartpole",
+        }
+    }
+}
+
+/// What is hidden, and how.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Set {
+    /// One effect
+    One,
+    /// One effect, a tenth of its size
+    Small,
+    /// One effect of a hundredth to a tenth of its size
+    Limit,
+    /// Nothing
+    Nothing,
+    /// Two effects
+    Pairs,
+    /// Three effects
+    Triples,
+    /// One effect that has been taken out of the library, with the kinds that contain it
+    Removed,
+    /// One effect beside eleven small disturbances
+    Dirty,
+    /// One effect of another form than the library's
+    Forms,
+    /// One effect; masses and known frictions of the model are 5 % off, which it takes for possible
+    WrongBase,
+    /// What the paper suspects on its rig, all at once
+    Suspects,
+}
+
+impl Set {
+    /// Its name in lines and in commands.
+    pub fn name(self) -> &'static str {
+        match self {
+            Set::One => "one",
+            Set::Small => "small",
+            Set::Limit => "limit",
+            Set::Nothing => "nothing",
+            Set::Pairs => "pairs",
+            Set::Triples => "triples",
+            Set::Removed => "removed",
+            Set::Dirty => "dirty",
+            Set::Forms => "forms",
+            Set::WrongBase => "wrong-base",
+            Set::Suspects => "suspects",
+        }
+    }
+}
+
+/// Which kinds are taken in turn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Kinds {
+    /// Friction, drag, springs, a constant force, gain and delay of the input
+    Basic,
+    /// Everything that a log can show
+    All,
+}
+
+/// A log of the bench. The same case is the same log, bit for bit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Case {
+    /// The mechanism.
+    pub rig: Rig,
+    /// What is hidden, and how.
+    pub set: Set,
+    /// The kinds that the seed takes its turn of.
+    pub kinds: Kinds,
+    /// The noise level.
+    pub noise: NoiseLevel,
+    /// Seed of everything random on the rig.
+    pub seed: u64,
+}
+
+/// What the bench has of a case before the diagnosis.
+#[derive(Debug, Clone)]
+pub(super) struct Prepared {
+    pub hidden: Vec<Truth>,
+    /// The hidden effects are of the library's forms.
+    pub in_library: bool,
+    pub size: f64,
+    pub duration: f64,
+    /// Factors on the model's constants that make them the rig's.
+    pub masses: Option<Vec<f64>>,
+    /// Factors on the values of the model's effects: kind, target, factor.
+    pub known: Vec<(&'static str, &'static str, f64)>,
+    pub model: PathBuf,
+    pub log: PathBuf,
+    /// Another recording of the same rig.
+    pub fresh: PathBuf,
+}
+
+/// How far masses and known frictions are off in [`Set::WrongBase`].
+const WRONG_SHARE: f64 = 0.05;
+/// The seed of the recording that the diagnosis does not have, over that of its log.
+const FRESH: u64 = 1 << 40;
+/// Length of that recording, s.
+const FRESH_DURATION: f64 = 20.0;
+
+impl Case {
+    /// `cartpole/one/realistic/1007`, with `/basic` where not all kinds are drawn from.
+    pub fn id(&self) -> String {
+        let noise = match self.noise {
+            NoiseLevel::Low => "low",
+            NoiseLevel::Realistic => "realistic",
+            NoiseLevel::High => "high",
+        };
+        let kinds = match self.kinds {
+            Kinds::All => "",
+            Kinds::Basic => "/basic",
+        };
+        let (rig, set) = (self.rig.name(), self.set.name());
+        format!("{rig}/{set}/{noise}/{}{kinds}", self.seed)
+    }
+
+    /// What is hidden, and the factor on its size.
+    fn scene(&self, config: &Config) -> (Scene, f64) {
+        let seed = self.seed;
+        let cases = match self.kinds {
+            Kinds::Basic => CASES,
+            Kinds::All => CASES_ALL,
+        };
+        let turn = |count: usize| (seed % count as u64) as usize;
+        let one = || draw_of(config, turn(cases), seed);
+        let mut size = 1.0;
+        // A kind whose size is no number gives its turn to the next one.
+        let scaled = |factor: f64| {
+            (0..cases)
+                .map(|k| draw_of(config, (turn(cases) + k) % cases, seed))
+                .find_map(|hidden| hidden.scaled(factor, &config.known))
+                .unwrap_or(Hidden::Nothing)
+        };
+        let scene = match self.set {
+            Set::Nothing => Scene::default(),
+            Set::One | Set::Removed => Scene::of(&one()),
+            Set::Small => {
+                size = 0.1;
+                Scene::of(&scaled(size))
+            }
+            Set::Limit => {
+                let mut rng = ChaCha8Rng::seed_from_u64(seed);
+                size = 10f64.powf(rng.random_range(-2.0..-1.0));
+                Scene::of(&scaled(size))
+            }
+            Set::Pairs => Scene {
+                hidden: draw_several(config, 2, seed),
+                ..Scene::default()
+            },
+            Set::Triples => Scene {
+                hidden: draw_several(config, 3, seed),
+                ..Scene::default()
+            },
+            Set::Dirty => Scene {
+                dirt: Some(Dirt::draw(seed)),
+                ..Scene::of(&one())
+            },
+            Set::Forms => {
+                let index = turn(FORM_CASES.len());
+                let case = FORM_CASES.get(index).copied().unwrap_or_default();
+                Scene {
+                    forms: Some(Forms::draw(seed)),
+                    ..Scene::of(&draw_of(config, case, seed))
+                }
+            }
+            Set::WrongBase => Scene {
+                base: Some(Base::draw(WRONG_SHARE, seed)),
+                ..Scene::of(&one())
+            },
+            Set::Suspects => Scene {
+                hidden: draw_suspects(config, seed),
+                ..Scene::default()
+            },
+        };
+        (scene, size)
+    }
+
+    /// Writes log, model and another recording to `dir`.
+    pub(super) fn prepare(&self, models: &Path, dir: &Path) -> Result<Prepared, Error> {
+        match self.rig {
+            Rig::Cartpole => self.prepare_cartpole(&models.join("cartpole"), dir),
+        }
+    }
+
+    fn prepare_cartpole(&self, models: &Path, dir: &Path) -> Result<Prepared, Error> {
+        let mut config = Config::read(&models.join("rig.toml"))?;
+        config.noise = self.noise;
+        let (scene, size) = self.scene(&config);
+        let (log, fresh) = (dir.join("log.csv"), dir.join("fresh.csv"));
+        rig::run_scene(&config, &scene, self.seed)?.write_csv(&log)?;
+        let again = Config {
+            duration: FRESH_DURATION.min(config.duration),
+            ..config.clone()
+        };
+        rig::run_scene(&again, &scene, self.seed.wrapping_add(FRESH))?.write_csv(&fresh)?;
+        let model = rig::known_model_without(&scene.hidden, models, &dir.join("user"))?;
+        if self.set == Set::WrongBase {
+            loosen(&model)?;
+        }
+        let hidden = scene.hidden.iter().map(truth).collect();
+        Ok(Prepared {
+            hidden,
+            in_library: scene.forms.is_none() && scene.dirt.is_none(),
+            size,
+            duration: config.duration,
+            masses: scene.masses(),
+            known: scene.base.map_or_else(Vec::new, |base| {
+                let [slider, pole] = base.friction;
+                vec![
+                    ("coulomb_friction", "slider", slider),
+                    ("viscous_friction", "pole", pole),
+                ]
+            }),
+            model,
+            log,
+            fresh,
+        })
+    }
+}
+
+fn truth(hidden: &Hidden) -> Truth {
+    Truth {
+        kind: hidden.kind().to_owned(),
+        target: hidden.target().map_or("", |t| t.name()).to_owned(),
+        parameters: hidden
+            .parameters()
+            .into_iter()
+            .map(|(name, value)| (name.to_owned(), value))
+            .collect(),
+    }
+}
+
+/// The model knows its masses to 5 % only.
+fn loosen(model: &Path) -> Result<(), Error> {
+    let text = std::fs::read_to_string(model).map_err(Error::io(model))?;
+    let mut document: toml_edit::DocumentMut =
+        text.parse().map_err(|e: toml_edit::TomlError| {
+            Error::io(model)(std::io::Error::other(e.to_string()))
+        })?;
+    document["tolerance"]["mass"] = toml_edit::value(WRONG_SHARE);
+    std::fs::write(model, document.to_string()).map_err(Error::io(model))
+}
