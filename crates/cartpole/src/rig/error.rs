@@ -25,6 +25,16 @@ pub enum Error {
         /// Its coordinates.
         found: Vec<String>,
     },
+    /// The mechanism has other joints than the rig drives.
+    #[error("{}: the coordinates are {found:?}; the rig needs {expected:?}", path.display())]
+    OtherJoints {
+        /// The URDF.
+        path: PathBuf,
+        /// Its coordinates.
+        found: Vec<String>,
+        /// Those of the rig.
+        expected: Vec<String>,
+    },
     /// The URDF has faults.
     #[error("{0}")]
     Urdf(lagrange::Problems),

@@ -37,6 +37,7 @@ pub use hidden::{Hidden, Target};
 pub use key::Key;
 pub use known_model::{known_model, known_model_without};
 pub use recording::Recording;
+pub(crate) use recording::write_whole;
 pub use scene::{Base, Dirt, FORM_CASES, Forms, Scene, draw_several, draw_suspects};
 
 use std::collections::VecDeque;

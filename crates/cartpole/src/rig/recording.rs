@@ -45,7 +45,7 @@ impl Recording {
 }
 
 /// Writes a temporary beside `path` and renames it: nothing half-written ever has the name.
-pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Error> {
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     let folder = match path.parent() {
         Some(folder) if folder != Path::new("") => folder,
         _ => Path::new("."),

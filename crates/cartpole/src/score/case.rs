@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Error, Truth};
 use crate::config::{Config, NoiseLevel};
+use crate::joints::{Bench, KINDS};
 use crate::rig::{
     self, Base, CASES, CASES_ALL, Dirt, FORM_CASES, Forms, Hidden, Scene, draw_of, draw_several,
     draw_suspects,
@@ -23,6 +24,10 @@ pub const NOISES: [NoiseLevel; 3] = [NoiseLevel::Low, NoiseLevel::Realistic, Noi
 pub enum Rig {
     /// The cart-pole of the paper
     Cartpole,
+    /// Furuta's pendulum: a driven arm, a pendulum that swings
+    Furuta,
+    /// An arm with seven driven joints
+    Arm,
 }
 
 impl Rig {
@@ -30,6 +35,8 @@ impl Rig {
     pub fn name(self) -> &'static str {
         match self {
             Rig::Cartpole => "cartpole",
+            Rig::Furuta => "furuta",
+            Rig::Arm => "arm",
         }
     }
 }
@@ -129,6 +136,8 @@ const WRONG_SHARE: f64 = 0.05;
 const FRESH: u64 = 1 << 40;
 /// Length of that recording, s.
 const FRESH_DURATION: f64 = 20.0;
+/// Length of the logs of the rigs of joints, s.
+const JOINTS_DURATION: f64 = 60.0;
 
 impl Case {
     /// `cartpole/one/realistic/1007`, with `/basic` where not all kinds are drawn from.
@@ -211,7 +220,53 @@ impl Case {
     pub(super) fn prepare(&self, models: &Path, dir: &Path) -> Result<Prepared, Error> {
         match self.rig {
             Rig::Cartpole => self.prepare_cartpole(&models.join("cartpole"), dir),
+            Rig::Furuta => self.prepare_joints(&Bench::furuta(models)?, dir),
+            Rig::Arm => self.prepare_joints(&Bench::arm(models)?, dir),
         }
+    }
+
+    fn prepare_joints(&self, bench: &Bench, dir: &Path) -> Result<Prepared, Error> {
+        let fault = match self.set {
+            Set::Nothing => None,
+            Set::One | Set::Removed => {
+                Some(bench.draw((self.seed % KINDS.len() as u64) as usize, self.seed)?)
+            }
+            _ => {
+                return Err(Error::NoSuchSet {
+                    set: self.set.name(),
+                    rig: self.rig.name(),
+                });
+            }
+        };
+        let (log, fresh) = (dir.join("log.csv"), dir.join("fresh.csv"));
+        bench
+            .run(&fault, self.noise, JOINTS_DURATION, self.seed)?
+            .write_csv(&log)?;
+        let other = self.seed.wrapping_add(FRESH);
+        bench
+            .run(&fault, self.noise, FRESH_DURATION, other)?
+            .write_csv(&fresh)?;
+        let model = bench.known_model(&fault, &dir.join("user"))?;
+        let hidden = fault.iter().map(|fault| Truth {
+            kind: fault.kind.to_owned(),
+            target: bench.target_name(fault).to_owned(),
+            parameters: fault
+                .parameters
+                .iter()
+                .map(|(name, value)| ((*name).to_owned(), *value))
+                .collect(),
+        });
+        Ok(Prepared {
+            hidden: hidden.collect(),
+            in_library: true,
+            size: 1.0,
+            duration: JOINTS_DURATION,
+            masses: None,
+            known: Vec::new(),
+            model,
+            log,
+            fresh,
+        })
     }
 
     fn prepare_cartpole(&self, models: &Path, dir: &Path) -> Result<Prepared, Error> {

@@ -34,6 +34,16 @@ pub enum Error {
     /// The user's model or the log, or the folder for them.
     #[error(transparent)]
     Workflow(#[from] pinode_nn::Error),
+    /// A set that a rig has not.
+    #[error(
+        "the rig `{rig}` has no set `{set}`: it has `one`, `nothing` and `removed`; `cartpole` has them all"
+    )]
+    NoSuchSet {
+        /// The set.
+        set: &'static str,
+        /// The rig.
+        rig: &'static str,
+    },
     /// A file.
     #[error("{}: {source}", path.display())]
     Io {
