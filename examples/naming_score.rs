@@ -43,6 +43,9 @@ struct Cli {
     /// Kinds of effects to hide in turn
     #[arg(long, value_enum, default_value = "all")]
     kinds: Kinds,
+    /// Length of each log, s [default: that of the rig, 60]
+    #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    duration: Option<u32>,
     /// Logs at once, each diagnosed on one thread [default: one per processor]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: Option<u16>,
@@ -103,6 +106,7 @@ fn score(cli: &Cli) -> Result<(), Box<dyn Error>> {
                 kinds: cli.kinds,
                 noise,
                 seed: cli.first_seed.wrapping_add(k),
+                duration: cli.duration,
             })
         })
         .collect();

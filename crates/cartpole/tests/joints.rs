@@ -66,8 +66,8 @@ fn without_a_fault_the_model_of_the_user_runs_as_the_rig_does() {
                 worst = worst.max((measured - q).abs());
             }
         }
-        // Of some thousand numbers none is five deviations off; a count more for the rounding down.
-        assert!(worst < 5.0 * noise + 4e-4, "{worst} rad");
+        // Of some thousand numbers none is five deviations off; half a count more for the rounding.
+        assert!(worst < 5.0 * noise + 2e-4, "{worst} rad");
         assert!(worst > noise, "no noise: {worst}");
     }
 }

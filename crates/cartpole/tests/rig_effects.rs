@@ -12,7 +12,8 @@ use cartpole::rig::effects::{
 use cartpole::rig::plant::Plant;
 use cartpole::rig::truth::{State, Truth};
 use cartpole::rig::{
-    self, CASES, CASES_ALL, CHOICES, Hidden, Key, Recording, Target, draw, draw_any, draw_of,
+    self, CASES, CASES_ALL, CHOICES, Hidden, Key, Recording, Target, UNSEEN, draw, draw_any,
+    draw_of,
 };
 
 /// Mass of the cart without a pole, kg.
@@ -558,7 +559,7 @@ fn the_wide_draw_reaches_every_effect_that_a_log_can_show() {
     assert_eq!(seen.len(), CASES_ALL);
     assert!(seen.values().all(|n| (60..150).contains(n)), "{seen:?}");
     assert!(!seen.contains_key(&("sensor_offset", "slider")));
-    let last = draw_of(&config, CHOICES - 1, 1);
+    let last = draw_of(&config, UNSEEN, 1);
     assert_eq!(
         (last.kind(), last.target()),
         ("sensor_offset", Some(Target::Slider))

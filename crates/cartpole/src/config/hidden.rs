@@ -60,6 +60,12 @@ pub struct HiddenRanges {
     pub lugre_friction: LuGre,
     /// Stiffness, N/m, of a spring that slips, and the half width of its loop.
     pub hysteresis: Hysteresis,
+    /// Masses, kg.
+    pub added_mass: Bodies,
+    /// kg and kg·m².
+    pub reflected_inertia: BothJoints,
+    /// Slope of the rail, rad; either sign.
+    pub gravity_tilt: Slider,
 }
 
 /// A range for each joint.
@@ -176,6 +182,16 @@ pub struct LuGre {
     pub stiffness: Range,
     /// Damping of the bristles, N·s/m.
     pub damping: Range,
+}
+
+/// A range for each body.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bodies {
+    /// On the cart.
+    pub cart: Range,
+    /// On the pole with its tip.
+    pub pole: Range,
 }
 
 /// Ranges of a spring that slips.
@@ -299,6 +315,16 @@ impl HiddenRanges {
             ("lugre_friction.damping", g.damping, 0.0, 1e6),
             ("hysteresis.slider", h.hysteresis.slider, 1e-6, 1e6),
             ("hysteresis.width", h.hysteresis.width, 1e-6, 1e3),
+            ("added_mass.cart", h.added_mass.cart, 0.0, 1e6),
+            ("added_mass.pole", h.added_mass.pole, 0.0, 1e6),
+            (
+                "reflected_inertia.slider",
+                h.reflected_inertia.slider,
+                0.0,
+                1e6,
+            ),
+            ("reflected_inertia.pole", h.reflected_inertia.pole, 0.0, 1e6),
+            ("gravity_tilt.slider", h.gravity_tilt.slider, 0.0, 0.5),
         ];
         for (key, range, least, most) in bounded {
             check.range(&format!("hidden.{key}"), range, least, most);

@@ -57,7 +57,7 @@ pub(super) struct Input {
     pub joint: usize,
 }
 
-/// Sensors: white noise, then rounding down to a count.
+/// Sensors: white noise, then the nearest count.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Sensors {
     /// rad.
@@ -284,7 +284,7 @@ impl Bench {
                 .iter()
                 .map(|q| {
                     let noisy = q + sensors.noise * noise.sample::<f64, _>(StandardNormal);
-                    (noisy / TAU * sensors.counts).floor() * TAU / sensors.counts
+                    (noisy / TAU * sensors.counts).round() * TAU / sensors.counts
                 })
                 .collect();
             let at = |source| Error::Mechanics { time: t, source };

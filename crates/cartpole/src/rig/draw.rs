@@ -14,8 +14,12 @@ pub const CASES: usize = 13;
 /// The number of pairs that [`draw_any`] draws from: those of [`draw`] come first.
 pub const CASES_ALL: usize = 31;
 
-/// Cases that can be asked for: those of [`draw_any`], then the one that no log of this rig can show.
-pub const CHOICES: usize = 32;
+/// Cases that can be asked for: those of [`draw_any`], then the one that no log of this rig can show, then those that change the
+/// mechanics.
+pub const CHOICES: usize = 37;
+
+/// The case among them that no log of this rig can show: where the cart's sensor has its zero.
+pub const UNSEEN: usize = 31;
 
 /// Draws an effect of the first [`CASES`]: uniform over kinds and targets, sizes uniform in the ranges of the settings, signs by a fair coin. Never
 /// nothing.
@@ -49,7 +53,7 @@ pub fn draw_of(config: &Config, case: usize, seed: u64) -> Hidden {
 }
 
 pub(super) fn draw_case(config: &Config, case: usize, rng: &mut ChaCha8Rng) -> Hidden {
-    use Target::{Motor, Pole, Slider};
+    use Target::{Cart, Motor, Pole, Slider};
     let mut size = |[from, to]: Range| rng.random_range(from..=to);
     let ranges = &config.hidden;
     let known = config.known.slider_coulomb_friction;
@@ -208,9 +212,29 @@ pub(super) fn draw_case(config: &Config, case: usize, rng: &mut ChaCha8Rng) -> H
             stiffness: size(ranges.hysteresis.slider),
             width: size(ranges.hysteresis.width),
         },
-        _ => Hidden::SensorOffset {
+        UNSEEN => Hidden::SensorOffset {
             target: Slider,
             offset: size(ranges.sensor_offset.slider),
+        },
+        32 => Hidden::AddedMass {
+            target: Cart,
+            mass: size(ranges.added_mass.cart),
+        },
+        33 => Hidden::AddedMass {
+            target: Pole,
+            mass: size(ranges.added_mass.pole),
+        },
+        34 => Hidden::ReflectedInertia {
+            target: Slider,
+            inertia: size(ranges.reflected_inertia.slider),
+        },
+        35 => Hidden::ReflectedInertia {
+            target: Pole,
+            inertia: size(ranges.reflected_inertia.pole),
+        },
+        _ => Hidden::GravityTilt {
+            target: Slider,
+            angle: size(ranges.gravity_tilt.slider),
         },
     };
     if rng.random_bool(0.5) {
@@ -230,7 +254,8 @@ pub(super) fn draw_case(config: &Config, case: usize, rng: &mut ChaCha8Rng) -> H
             | Hidden::PositionDependentFriction { slope: x, .. }
             | Hidden::InputOffset { offset: x, .. }
             | Hidden::SensorOffset { offset: x, .. }
-            | Hidden::SensorScale { scale: x, .. } => *x = -*x,
+            | Hidden::SensorScale { scale: x, .. }
+            | Hidden::GravityTilt { angle: x, .. } => *x = -*x,
             _ => {}
         }
     }

@@ -287,6 +287,54 @@ impl ElasticString {
     }
 }
 
+/// g, m/s².
+const GRAVITY: f64 = 9.81;
+
+/// What is there beside the masses of M, C and G.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Mechanics {
+    /// Point mass on the cart, kg.
+    pub on_cart: f64,
+    /// Point mass on the pole, kg.
+    pub on_pole: f64,
+    /// Where that is, m from the pivot.
+    pub arm: f64,
+    /// Beside the inertia of each coordinate, kg and kg·m².
+    pub inertia: [f64; 2],
+    /// α, by which the rail rises towards +x, rad.
+    pub tilt: f64,
+}
+
+impl Mechanics {
+    /// Changes M and b = C v + G at (φ, φ̇); `moment` is the first moment of the pole about its pivot, kg·m.
+    ///
+    /// A mass m at the distance l from the pivot adds m, m l cos φ and m l² to M, −m l sin φ φ̇² to the cart's b and −m g l sin φ to the
+    /// pole's. On a slope gravity pulls along the rail with g sin α, across it with g cos α.
+    pub fn change(
+        &self,
+        (phi, rate): (f64, f64),
+        moment: f64,
+        mass: &mut [[f64; 2]; 2],
+        bias: &mut [f64; 2],
+    ) {
+        let (sin, cos) = phi.sin_cos();
+        let first = self.on_pole * self.arm;
+        mass[0][0] += self.on_cart + self.on_pole;
+        mass[0][1] += first * cos;
+        mass[1][0] += first * cos;
+        mass[1][1] += first * self.arm;
+        bias[0] -= first * sin * rate * rate;
+        bias[1] -= first * GRAVITY * sin;
+        let (along, across) = self.tilt.sin_cos();
+        let moment = moment + first;
+        bias[0] += GRAVITY * along * mass[0][0];
+        bias[1] += GRAVITY * moment * (along * cos + (1.0 - across) * sin);
+        for (i, inertia) in self.inertia.iter().enumerate() {
+            mass[i][i] += inertia;
+        }
+    }
+}
+
 /// What is wrong with the two position sensors, beside noise: at t they read (1 + scale) q(t − delay) + offset.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SensorFaults {
@@ -332,6 +380,8 @@ pub struct Effects {
     pub bristles: Option<Bristles>,
     /// Between cart and rail.
     pub slipping_spring: Option<SlippingSpring>,
+    /// What the masses are not.
+    pub mechanics: Mechanics,
     /// Of the position sensors.
     pub sensors: SensorFaults,
     /// The ends of the rail, where it has some.

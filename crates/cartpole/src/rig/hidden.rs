@@ -10,10 +10,12 @@ use super::Error;
 pub enum Target {
     /// The cart's joint, or its sensor.
     Slider,
-    /// The pole's joint, or its sensor.
+    /// The pole's joint, or its sensor, or the pole itself.
     Pole,
     /// The input.
     Motor,
+    /// The cart itself.
+    Cart,
 }
 
 impl Target {
@@ -23,6 +25,7 @@ impl Target {
             Target::Slider => "slider",
             Target::Pole => "pole",
             Target::Motor => "motor",
+            Target::Cart => "cart",
         }
     }
 }
@@ -252,6 +255,27 @@ pub enum Hidden {
         /// w, half width of the loop, m.
         width: f64,
     },
+    /// A point mass that nobody weighed, at the centre of mass of the cart or of the pole with its tip.
+    AddedMass {
+        /// The body: cart or pole.
+        target: Target,
+        /// kg.
+        mass: f64,
+    },
+    /// I v̇ on the left-hand side: something that turns with the joint and goes nowhere.
+    ReflectedInertia {
+        /// Joint.
+        target: Target,
+        /// I, kg or kg·m².
+        inertia: f64,
+    },
+    /// The rail is not level: its positive end is higher.
+    GravityTilt {
+        /// The cart's joint.
+        target: Target,
+        /// Slope of the rail, rad.
+        angle: f64,
+    },
 }
 
 impl Hidden {
@@ -285,6 +309,9 @@ impl Hidden {
             Hidden::DahlFriction { .. } => "dahl_friction",
             Hidden::LugreFriction { .. } => "lugre_friction",
             Hidden::Hysteresis { .. } => "hysteresis",
+            Hidden::AddedMass { .. } => "added_mass",
+            Hidden::ReflectedInertia { .. } => "reflected_inertia",
+            Hidden::GravityTilt { .. } => "gravity_tilt",
         }
     }
 
@@ -317,7 +344,10 @@ impl Hidden {
             | Hidden::SensorDelay { target, .. }
             | Hidden::DahlFriction { target, .. }
             | Hidden::LugreFriction { target, .. }
-            | Hidden::Hysteresis { target, .. } => Some(target),
+            | Hidden::Hysteresis { target, .. }
+            | Hidden::AddedMass { target, .. }
+            | Hidden::ReflectedInertia { target, .. }
+            | Hidden::GravityTilt { target, .. } => Some(target),
         }
     }
 
@@ -426,6 +456,9 @@ impl Hidden {
             Hidden::Hysteresis {
                 stiffness, width, ..
             } => vec![("stiffness", stiffness), ("width", width)],
+            Hidden::AddedMass { mass, .. } => vec![("mass", mass)],
+            Hidden::ReflectedInertia { inertia, .. } => vec![("inertia", inertia)],
+            Hidden::GravityTilt { angle, .. } => vec![("angle", angle)],
         }
     }
 
@@ -441,7 +474,7 @@ impl Hidden {
                 reason,
             })
         };
-        use Target::{Motor, Pole, Slider};
+        use Target::{Cart, Motor, Pole, Slider};
         let (place, allowed): (&str, &[Target]) = match self {
             Hidden::InputGainError { .. }
             | Hidden::InputDelay { .. }
@@ -456,7 +489,12 @@ impl Hidden {
             Hidden::LoadDependentFriction { .. }
             | Hidden::DahlFriction { .. }
             | Hidden::LugreFriction { .. }
-            | Hidden::Hysteresis { .. } => ("acts on the cart: the target is `slider`", &[Slider]),
+            | Hidden::Hysteresis { .. }
+            | Hidden::GravityTilt { .. } => ("acts on the cart: the target is `slider`", &[Slider]),
+            Hidden::AddedMass { .. } => (
+                "sits on a body: the target is `cart` or `pole`",
+                &[Cart, Pole],
+            ),
             Hidden::SensorScale { .. } => (
                 "is of a sensor with an end: the target is `slider`",
                 &[Slider],
@@ -472,7 +510,7 @@ impl Hidden {
         for (name, value) in self.parameters() {
             let either_sign = matches!(
                 name,
-                "rest" | "gain" | "offset" | "phase" | "slope" | "scale"
+                "rest" | "gain" | "offset" | "phase" | "slope" | "scale" | "angle"
             ) || matches!(self, Hidden::ConstantForce { .. });
             if !value.is_finite() || (value < 0.0 && !either_sign) {
                 let domain = if either_sign { "finite" } else { "at least 0" };
@@ -510,6 +548,9 @@ impl Hidden {
                 if delay > 10.0 =>
             {
                 refuse(format!("delay is {delay} s: give at most 10 s"))
+            }
+            Hidden::GravityTilt { angle, .. } if angle.abs() > 0.5 => {
+                refuse(format!("angle is {angle} rad: give one between ± 0.5 rad"))
             }
             Hidden::Backlash { restitution, .. } if restitution > 1.0 => refuse(format!(
                 "restitution is {restitution}: it must be at most 1"

@@ -31,7 +31,7 @@ mod sizes;
 pub mod truth;
 
 use draw::draw_case;
-pub use draw::{CASES, CASES_ALL, CHOICES, draw, draw_any, draw_of};
+pub use draw::{CASES, CASES_ALL, CHOICES, UNSEEN, draw, draw_any, draw_of};
 pub use error::Error;
 pub use hidden::{Hidden, Target};
 pub use key::Key;

@@ -6,6 +6,9 @@ use super::effects::{
 use super::{Error, Hidden, Target};
 use crate::config::Known;
 
+/// The centre of mass of the pole with its tip, m from the pivot: (60 g · 100.5 mm + 12 g · 201 mm)/72 g (Table 2 of the paper).
+const POLE_CENTRE: f64 = 0.117_25;
+
 impl Effects {
     /// The known friction and the hidden effect; see [`add`](Self::add).
     pub fn of(known: &Known, hidden: &Hidden) -> Result<Self, Error> {
@@ -35,6 +38,7 @@ impl Effects {
             bristles,
             slipping_spring,
             sensors,
+            mechanics,
             ..
         } = self;
         let [slider, pole] = joints;
@@ -174,6 +178,13 @@ impl Effects {
             Hidden::Hysteresis {
                 stiffness, width, ..
             } => *slipping_spring = Some(SlippingSpring { stiffness, width }),
+            Hidden::AddedMass {
+                target: Target::Pole,
+                mass,
+            } => (mechanics.on_pole, mechanics.arm) = (mass, POLE_CENTRE),
+            Hidden::AddedMass { mass, .. } => mechanics.on_cart = mass,
+            Hidden::ReflectedInertia { inertia, .. } => mechanics.inertia[sensor] = inertia,
+            Hidden::GravityTilt { angle, .. } => mechanics.tilt = angle,
         }
         Ok(())
     }

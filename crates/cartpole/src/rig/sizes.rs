@@ -41,8 +41,8 @@ impl Hidden {
         same || place
     }
 
-    /// Whether the sum of both can be told from neither: two forces that are constant while the cart slides one way, or two that make
-    /// the input late.
+    /// Whether the sum of both can be told from neither: two forces that are constant while the cart slides one way, two that make
+    /// the input late, or two that make the cart heavy.
     pub fn is_twin_of(&self, other: &Hidden) -> bool {
         let offset = |h: &Hidden| {
             matches!(
@@ -50,6 +50,15 @@ impl Hidden {
                 Hidden::ConstantForce { .. }
                     | Hidden::InputOffset { .. }
                     | Hidden::AsymmetricCoulombFriction { .. }
+                    | Hidden::GravityTilt { .. }
+            )
+        };
+        let heavy = |h: &Hidden| {
+            matches!(
+                h,
+                Hidden::AddedMass { .. }
+                    | Hidden::ReflectedInertia { .. }
+                    | Hidden::InputGainError { .. }
             )
         };
         let late = |h: &Hidden| {
@@ -62,7 +71,12 @@ impl Hidden {
                     | Hidden::SensorDelay { .. }
             )
         };
-        (offset(self) && offset(other)) || (late(self) && late(other))
+        [
+            (offset(self), offset(other)),
+            (late(self), late(other)),
+            (heavy(self), heavy(other)),
+        ]
+        .contains(&(true, true))
     }
 
     /// `coulomb_friction on slider`.
@@ -104,7 +118,10 @@ impl Hidden {
             | Hidden::SensorOffset { offset: x, .. }
             | Hidden::SensorScale { scale: x, .. }
             | Hidden::SensorDelay { delay: x, .. }
-            | Hidden::Hysteresis { stiffness: x, .. } => *x *= factor,
+            | Hidden::Hysteresis { stiffness: x, .. }
+            | Hidden::AddedMass { mass: x, .. }
+            | Hidden::ReflectedInertia { inertia: x, .. }
+            | Hidden::GravityTilt { angle: x, .. } => *x *= factor,
             Hidden::AsymmetricCoulombFriction {
                 force_positive,
                 force_negative,

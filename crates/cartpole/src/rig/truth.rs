@@ -14,7 +14,7 @@ use integrators::event::{At, ContactSystem, Direction, EventKind, EventStepper, 
 use nalgebra::DMatrix;
 
 use super::Error;
-use super::effects::{DryFriction, Effects};
+use super::effects::{DryFriction, Effects, Mechanics};
 use super::plant::Plant;
 
 /// q and v of `slider` (m, m/s) and `pole` (rad, rad/s; 0 = upright).
@@ -89,6 +89,8 @@ struct Smooth<P> {
     layout: Layout,
     plant: P,
     effects: Effects,
+    /// First moment of the pole about its pivot, kg·m, where the mechanics are other than the plant's.
+    moment: Option<f64>,
     /// Where the block of the slipping spring is, m.
     block: f64,
 }
@@ -123,7 +125,11 @@ impl<P: Plant> ContactSystem for Smooth<P> {
             bristles,
             ..
         } = self.layout;
-        let (m, bias) = plant.mass_and_bias([q[0], q[1]], [v[0], v[1]]);
+        let (mut m, mut bias) = plant.mass_and_bias([q[0], q[1]], [v[0], v[1]]);
+        if let Some(moment) = self.moment {
+            let mechanics = self.effects.mechanics;
+            mechanics.change((q[1], v[1]), moment, &mut m, &mut bias);
+        }
         let drive = force.map_or(arriving, |i| v[i]);
         let inputs = match motor {
             None => [drive + on_cart, 0.0],
@@ -252,13 +258,17 @@ impl<P: Plant> fmt::Debug for Truth<P> {
 impl<P: Plant> Truth<P> {
     /// A rig at time 0 in the given state, with the motor at the middle of its gap or its string at rest and as fast as the cart,
     /// without a force of the motor, its bristles straight and its springs relaxed; `step`, s, is the longest step of the integrator.
-    pub fn new(plant: P, effects: Effects, step: f64, State { q, v }: State) -> Self {
+    pub fn new(mut plant: P, effects: Effects, step: f64, State { q, v }: State) -> Self {
         let layout = Layout::of(&effects);
+        // At the upright the coupling of cart and pole is the moment itself.
+        let changed = effects.mechanics != Mechanics::default();
+        let moment = changed.then(|| plant.mass_and_bias([0.0; 2], [0.0; 2]).0[0][1]);
         let smooth = Smooth {
             positions: Flat::new(layout.coordinates),
             layout,
             plant,
             effects,
+            moment,
             block: q[0],
         };
         let mut x = vec![0.0; 2 * layout.coordinates];

@@ -11,8 +11,8 @@ use super::{Error, Truth};
 use crate::config::{Config, NoiseLevel};
 use crate::joints::{Bench, KINDS};
 use crate::rig::{
-    self, Base, CASES, CASES_ALL, Dirt, FORM_CASES, Forms, Hidden, Scene, draw_of, draw_several,
-    draw_suspects,
+    self, Base, CASES, CHOICES, Dirt, FORM_CASES, Forms, Hidden, Scene, UNSEEN, draw_of,
+    draw_several, draw_suspects,
 };
 
 /// The three noise levels.
@@ -110,6 +110,8 @@ pub struct Case {
     pub noise: NoiseLevel,
     /// Seed of everything random on the rig.
     pub seed: u64,
+    /// Length of the log, s; none for the usual one.
+    pub duration: Option<u32>,
 }
 
 /// What the bench has of a case before the diagnosis.
@@ -140,7 +142,7 @@ const FRESH_DURATION: f64 = 20.0;
 const JOINTS_DURATION: f64 = 60.0;
 
 impl Case {
-    /// `cartpole/one/realistic/1007`, with `/basic` where not all kinds are drawn from.
+    /// `cartpole/one/realistic/1007`, with `/basic` where not all kinds are drawn from and `/20s` where the length is another.
     pub fn id(&self) -> String {
         let noise = match self.noise {
             NoiseLevel::Low => "low",
@@ -152,23 +154,25 @@ impl Case {
             Kinds::Basic => "/basic",
         };
         let (rig, set) = (self.rig.name(), self.set.name());
-        format!("{rig}/{set}/{noise}/{}{kinds}", self.seed)
+        let length = self.duration.map_or(String::new(), |s| format!("/{s}s"));
+        format!("{rig}/{set}/{noise}/{}{kinds}{length}", self.seed)
     }
 
     /// What is hidden, and the factor on its size.
     fn scene(&self, config: &Config) -> (Scene, f64) {
         let seed = self.seed;
-        let cases = match self.kinds {
-            Kinds::Basic => CASES,
-            Kinds::All => CASES_ALL,
+        let cases: Vec<usize> = match self.kinds {
+            Kinds::Basic => (0..CASES).collect(),
+            Kinds::All => (0..CHOICES).filter(|case| *case != UNSEEN).collect(),
         };
         let turn = |count: usize| (seed % count as u64) as usize;
-        let one = || draw_of(config, turn(cases), seed);
+        let case = |k: usize| cases.get(k % cases.len()).copied().unwrap_or_default();
+        let one = || draw_of(config, case(turn(cases.len())), seed);
         let mut size = 1.0;
         // A kind whose size is no number gives its turn to the next one.
         let scaled = |factor: f64| {
-            (0..cases)
-                .map(|k| draw_of(config, (turn(cases) + k) % cases, seed))
+            (0..cases.len())
+                .map(|k| draw_of(config, case(turn(cases.len()) + k), seed))
                 .find_map(|hidden| hidden.scaled(factor, &config.known))
                 .unwrap_or(Hidden::Nothing)
         };
@@ -239,8 +243,9 @@ impl Case {
             }
         };
         let (log, fresh) = (dir.join("log.csv"), dir.join("fresh.csv"));
+        let duration = self.duration.map_or(JOINTS_DURATION, f64::from);
         bench
-            .run(&fault, self.noise, JOINTS_DURATION, self.seed)?
+            .run(&fault, self.noise, duration, self.seed)?
             .write_csv(&log)?;
         let other = self.seed.wrapping_add(FRESH);
         bench
@@ -260,7 +265,7 @@ impl Case {
             hidden: hidden.collect(),
             in_library: true,
             size: 1.0,
-            duration: JOINTS_DURATION,
+            duration,
             masses: None,
             known: Vec::new(),
             model,
@@ -272,6 +277,9 @@ impl Case {
     fn prepare_cartpole(&self, models: &Path, dir: &Path) -> Result<Prepared, Error> {
         let mut config = Config::read(&models.join("rig.toml"))?;
         config.noise = self.noise;
+        if let Some(duration) = self.duration {
+            config.duration = f64::from(duration);
+        }
         let (scene, size) = self.scene(&config);
         let (log, fresh) = (dir.join("log.csv"), dir.join("fresh.csv"));
         rig::run_scene(&config, &scene, self.seed)?.write_csv(&log)?;

@@ -1,0 +1,110 @@
+//! The bench of the naming, on short logs.
+#![allow(clippy::unwrap_used)]
+
+use std::path::{Path, PathBuf};
+
+use cartpole::config::NoiseLevel;
+use cartpole::score::{Case, Error, Kinds, Line, Rig, Set, run, tables};
+
+fn models() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models")
+}
+
+fn case(set: Set, seed: u64) -> Case {
+    Case {
+        rig: Rig::Cartpole,
+        set,
+        kinds: Kinds::Basic,
+        noise: NoiseLevel::Low,
+        seed,
+        duration: Some(12),
+    }
+}
+
+fn line(case: &Case, threads: usize) -> Line {
+    let dir = tempfile::tempdir().unwrap();
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .unwrap();
+    let mut line = pool.install(|| run(case, &models(), dir.path(), true).unwrap());
+    assert_eq!(line.threads, threads);
+    assert!(line.seconds > 0.0);
+    // What may differ from run to run.
+    (line.seconds, line.threads, line.peak_mb) = (0.0, 0, None);
+    line
+}
+
+#[test]
+fn the_line_of_a_log_is_the_same_for_any_number_of_threads_and_is_read_back() {
+    // The first of the basic ones: viscous friction of the slider.
+    let case = case(Set::One, 1001);
+    let one = line(&case, 1);
+    assert_eq!(one, line(&case, 2));
+    assert_eq!(one.id, "cartpole/one/low/1001/basic/12s");
+    assert_eq!(one.hidden.len(), 1);
+    assert!(one.first_is_right(), "{one:?}");
+    let errors = one.free_run.unwrap();
+    assert!(
+        errors.truth.is_some() && errors.after < errors.before,
+        "{errors:?}"
+    );
+
+    let text = serde_json::to_string(&one).unwrap();
+    assert!(!text.contains('\n'));
+    assert_eq!(serde_json::from_str::<Line>(&text).unwrap(), one);
+    assert!(tables(&[one]).contains("| cartpole | one | low | 1 | 1.000 ("));
+}
+
+#[test]
+fn an_effect_that_is_taken_out_of_the_library_is_not_named() {
+    let removed = line(&case(Set::Removed, 1001), 2);
+    let kind = removed.hidden[0].kind.as_str();
+    assert!(!kind.is_empty());
+    assert!(removed.named.iter().all(|named| named.kind != kind));
+    assert!(removed.error.is_none());
+}
+
+#[test]
+fn every_set_prepares_its_logs() {
+    // Logs too short for a diagnosis: the line says so, and has the truth.
+    for (set, hidden) in [
+        (Set::One, 1),
+        (Set::Small, 1),
+        (Set::Limit, 1),
+        (Set::Nothing, 0),
+        (Set::Pairs, 2),
+        (Set::Triples, 3),
+        (Set::Removed, 1),
+        (Set::Dirty, 1),
+        (Set::Forms, 1),
+        (Set::WrongBase, 1),
+        (Set::Suspects, 4),
+    ] {
+        for seed in 0..3 {
+            let short = Case {
+                duration: Some(2),
+                kinds: Kinds::All,
+                ..case(set, seed)
+            };
+            let line = line(&short, 1);
+            assert_eq!(line.hidden.len(), hidden, "{line:?}");
+            assert_eq!(line.verdict, "error");
+            assert!(tables(std::slice::from_ref(&line)).contains("Diagnoses that failed"));
+            let small = line.size < 1.0;
+            assert_eq!(small, matches!(set, Set::Small | Set::Limit));
+        }
+    }
+}
+
+#[test]
+fn a_set_that_a_rig_has_not_is_refused_by_name() {
+    let dir = tempfile::tempdir().unwrap();
+    let arm = Case {
+        rig: Rig::Arm,
+        ..case(Set::Dirty, 1)
+    };
+    let error = run(&arm, &models(), dir.path(), false).unwrap_err();
+    assert!(matches!(error, Error::NoSuchSet { .. }));
+    assert!(error.to_string().contains("`arm` has no set `dirty`"));
+}
