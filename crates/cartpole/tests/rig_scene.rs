@@ -419,3 +419,27 @@ fn a_rotor_on_the_joint_slows_the_pole_as_its_inertia_says() {
     let off = truth.state().q[1] - std::f64::consts::PI;
     assert_abs_diff_eq!(off, 1e-3, epsilon = 1e-8);
 }
+
+#[test]
+fn hidden_stops_turn_the_cart_back_and_nobody_hears_them() {
+    let mut config = config();
+    config.duration = 20.0;
+    let hidden = Hidden::EndStop {
+        target: Target::Slider,
+        lower: -0.15,
+        upper: 0.15,
+        restitution: 0.4,
+    };
+    let plant = rig::plant::read(&config.urdf).unwrap();
+    let (log, states) = rig::run_with(plant, &config, &hidden, 2).unwrap();
+    let furthest = states.iter().fold(0.0_f64, |a, s| a.max(s.q[0].abs()));
+    assert_abs_diff_eq!(furthest, 0.15, epsilon = 1e-3);
+    assert!(furthest < 0.15 + 1e-9 && log.blows.is_empty());
+    let lopsided = Hidden::EndStop {
+        target: Target::Slider,
+        lower: -0.1,
+        upper: 0.15,
+        restitution: 0.4,
+    };
+    assert!(lopsided.check().is_err());
+}

@@ -66,6 +66,8 @@ pub struct HiddenRanges {
     pub reflected_inertia: BothJoints,
     /// Slope of the rail, rad; either sign.
     pub gravity_tilt: Slider,
+    /// Hard stops on the rail.
+    pub end_stop: EndStop,
 }
 
 /// A range for each joint.
@@ -182,6 +184,16 @@ pub struct LuGre {
     pub stiffness: Range,
     /// Damping of the bristles, N·s/m.
     pub damping: Range,
+}
+
+/// Ranges of hard stops on both sides of the middle.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EndStop {
+    /// How far from the middle, m.
+    pub slider: Range,
+    /// Speed after a blow over the speed before.
+    pub restitution: Range,
 }
 
 /// A range for each body.
@@ -325,6 +337,8 @@ impl HiddenRanges {
             ),
             ("reflected_inertia.pole", h.reflected_inertia.pole, 0.0, 1e6),
             ("gravity_tilt.slider", h.gravity_tilt.slider, 0.0, 0.5),
+            ("end_stop.slider", h.end_stop.slider, 1e-2, rail.limit),
+            ("end_stop.restitution", h.end_stop.restitution, 0.0, 1.0),
         ];
         for (key, range, least, most) in bounded {
             check.range(&format!("hidden.{key}"), range, least, most);

@@ -15,8 +15,8 @@ pub const CASES: usize = 13;
 pub const CASES_ALL: usize = 31;
 
 /// Cases that can be asked for: those of [`draw_any`], then the one that no log of this rig can show, then those that change the
-/// mechanics.
-pub const CHOICES: usize = 37;
+/// mechanics, and stops.
+pub const CHOICES: usize = 38;
 
 /// The case among them that no log of this rig can show: where the cart's sensor has its zero.
 pub const UNSEEN: usize = 31;
@@ -232,10 +232,19 @@ pub(super) fn draw_case(config: &Config, case: usize, rng: &mut ChaCha8Rng) -> H
             target: Pole,
             inertia: size(ranges.reflected_inertia.pole),
         },
-        _ => Hidden::GravityTilt {
+        36 => Hidden::GravityTilt {
             target: Slider,
             angle: size(ranges.gravity_tilt.slider),
         },
+        _ => {
+            let upper = size(ranges.end_stop.slider);
+            Hidden::EndStop {
+                target: Slider,
+                lower: -upper,
+                upper,
+                restitution: size(ranges.end_stop.restitution),
+            }
+        }
     };
     if rng.random_bool(0.5) {
         match &mut effect {

@@ -276,6 +276,17 @@ pub enum Hidden {
         /// Slope of the rail, rad.
         angle: f64,
     },
+    /// Hard stops nearer than the ends of the rail.
+    EndStop {
+        /// The cart's joint.
+        target: Target,
+        /// Where the way ends towards −x, m; minus `upper`.
+        lower: f64,
+        /// Where it ends towards +x, m.
+        upper: f64,
+        /// Speed after a blow over the speed before.
+        restitution: f64,
+    },
 }
 
 impl Hidden {
@@ -312,6 +323,7 @@ impl Hidden {
             Hidden::AddedMass { .. } => "added_mass",
             Hidden::ReflectedInertia { .. } => "reflected_inertia",
             Hidden::GravityTilt { .. } => "gravity_tilt",
+            Hidden::EndStop { .. } => "end_stop",
         }
     }
 
@@ -347,7 +359,8 @@ impl Hidden {
             | Hidden::Hysteresis { target, .. }
             | Hidden::AddedMass { target, .. }
             | Hidden::ReflectedInertia { target, .. }
-            | Hidden::GravityTilt { target, .. } => Some(target),
+            | Hidden::GravityTilt { target, .. }
+            | Hidden::EndStop { target, .. } => Some(target),
         }
     }
 
@@ -459,6 +472,16 @@ impl Hidden {
             Hidden::AddedMass { mass, .. } => vec![("mass", mass)],
             Hidden::ReflectedInertia { inertia, .. } => vec![("inertia", inertia)],
             Hidden::GravityTilt { angle, .. } => vec![("angle", angle)],
+            Hidden::EndStop {
+                lower,
+                upper,
+                restitution,
+                ..
+            } => vec![
+                ("lower", lower),
+                ("upper", upper),
+                ("restitution", restitution),
+            ],
         }
     }
 
@@ -490,7 +513,8 @@ impl Hidden {
             | Hidden::DahlFriction { .. }
             | Hidden::LugreFriction { .. }
             | Hidden::Hysteresis { .. }
-            | Hidden::GravityTilt { .. } => ("acts on the cart: the target is `slider`", &[Slider]),
+            | Hidden::GravityTilt { .. }
+            | Hidden::EndStop { .. } => ("acts on the cart: the target is `slider`", &[Slider]),
             Hidden::AddedMass { .. } => (
                 "sits on a body: the target is `cart` or `pole`",
                 &[Cart, Pole],
@@ -510,7 +534,7 @@ impl Hidden {
         for (name, value) in self.parameters() {
             let either_sign = matches!(
                 name,
-                "rest" | "gain" | "offset" | "phase" | "slope" | "scale" | "angle"
+                "rest" | "gain" | "offset" | "phase" | "slope" | "scale" | "angle" | "lower"
             ) || matches!(self, Hidden::ConstantForce { .. });
             if !value.is_finite() || (value < 0.0 && !either_sign) {
                 let domain = if either_sign { "finite" } else { "at least 0" };
@@ -552,9 +576,18 @@ impl Hidden {
             Hidden::GravityTilt { angle, .. } if angle.abs() > 0.5 => {
                 refuse(format!("angle is {angle} rad: give one between ± 0.5 rad"))
             }
-            Hidden::Backlash { restitution, .. } if restitution > 1.0 => refuse(format!(
-                "restitution is {restitution}: it must be at most 1"
-            )),
+            Hidden::EndStop { lower, upper, .. } if upper == 0.0 || lower != -upper => {
+                refuse(format!(
+                    "lower is {lower} m and upper {upper} m: give an upper above 0 and its negative for lower"
+                ))
+            }
+            Hidden::Backlash { restitution, .. } | Hidden::EndStop { restitution, .. }
+                if restitution > 1.0 =>
+            {
+                refuse(format!(
+                    "restitution is {restitution}: it must be at most 1"
+                ))
+            }
             Hidden::Backlash {
                 gap, motor_inertia, ..
             } if gap == 0.0 || motor_inertia == 0.0 => refuse(format!(

@@ -102,8 +102,10 @@ fn run_effects<P: Plant>(
         rng.set_stream(stream);
         rng
     };
+    // Hidden stops are nobody's to hear.
+    let heard = effects.rail.is_none();
     let effects = Effects {
-        rail: Some(config.rail),
+        rail: effects.rail.or(Some(config.rail)),
         ..effects
     };
     let noise = config.noise();
@@ -161,7 +163,9 @@ fn run_effects<P: Plant>(
             &mut late,
         )?;
     }
-    recording.blows = rig.blows().to_vec();
+    if heard {
+        recording.blows = rig.blows().to_vec();
+    }
     Ok((recording, states))
 }
 

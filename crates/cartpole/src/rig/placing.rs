@@ -4,7 +4,7 @@ use super::effects::{
     Backlash, Bristles, DryFriction, Effects, ElasticString, Ripple, SlippingSpring,
 };
 use super::{Error, Hidden, Target};
-use crate::config::Known;
+use crate::config::{Known, Rail};
 
 /// The centre of mass of the pole with its tip, m from the pivot: (60 g · 100.5 mm + 12 g · 201 mm)/72 g (Table 2 of the paper).
 const POLE_CENTRE: f64 = 0.117_25;
@@ -39,7 +39,7 @@ impl Effects {
             slipping_spring,
             sensors,
             mechanics,
-            ..
+            rail,
         } = self;
         let [slider, pole] = joints;
         let sensor = usize::from(hidden.target() == Some(Target::Pole));
@@ -185,6 +185,14 @@ impl Effects {
             Hidden::AddedMass { mass, .. } => mechanics.on_cart = mass,
             Hidden::ReflectedInertia { inertia, .. } => mechanics.inertia[sensor] = inertia,
             Hidden::GravityTilt { angle, .. } => mechanics.tilt = angle,
+            Hidden::EndStop {
+                upper, restitution, ..
+            } => {
+                *rail = Some(Rail {
+                    limit: upper,
+                    restitution,
+                });
+            }
         }
         Ok(())
     }

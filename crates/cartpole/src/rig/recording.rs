@@ -16,7 +16,8 @@ pub struct Recording {
     pub v: [Vec<f64>; 2],
     /// Commanded force, N.
     pub u: Vec<f64>,
-    /// When the cart struck an end of its rail, s. Whoever stands beside the rig hears it; it is not in the log.
+    /// When the cart struck an end of its rail, s. Whoever stands beside the rig hears it; it is not in the log. None
+    /// of blows on hidden stops.
     pub blows: Vec<f64>,
 }
 

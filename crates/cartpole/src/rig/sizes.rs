@@ -86,7 +86,8 @@ impl Hidden {
     }
 
     /// The same effect, `factor` times as strong: its distance from the known friction that it replaces, its force, its delay, its gap, its
-    /// compliance. Speeds, periods, places of rest and widths of loops stay. None where strength is no such number: a saturation, bristles.
+    /// compliance. Speeds, periods, places of rest and widths of loops stay. None where strength is no such number: a saturation,
+    /// bristles, stops.
     pub fn scaled(&self, factor: f64, known: &Known) -> Option<Hidden> {
         let from = |origin: f64, x: f64| origin + factor * (x - origin);
         let coulomb = known.slider_coulomb_friction;
@@ -95,7 +96,8 @@ impl Hidden {
             Hidden::Nothing => {}
             Hidden::InputSaturation { .. }
             | Hidden::DahlFriction { .. }
-            | Hidden::LugreFriction { .. } => return None,
+            | Hidden::LugreFriction { .. }
+            | Hidden::EndStop { .. } => return None,
             // Stiffer than the rig's steps follow.
             Hidden::ElasticTransmission { .. } if factor < 0.1 => return None,
             Hidden::ViscousFriction { coefficient: x, .. }
