@@ -25,7 +25,7 @@ impl Candidate {
     /// All that `hybrid` could be missing: kinds not yet on a target, nor contained in one that is.
     pub fn all(hybrid: &Hybrid) -> Vec<Candidate> {
         let mut all = Vec::new();
-        for kind in registry::ALL.iter().copied() {
+        for kind in registry::all() {
             let targets = match kind.acts_on() {
                 ActsOn::Joint | ActsOn::Sensor => hybrid.nv(),
                 ActsOn::Input => hybrid.inputs(),

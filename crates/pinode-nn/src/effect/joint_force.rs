@@ -75,7 +75,7 @@ pub trait JointForce: Send + Sync {
 pub struct OnCoordinate<L>(pub L);
 
 /// No law has more parameters.
-const MOST_PARAMETERS: usize = 8;
+pub(super) const MOST_PARAMETERS: usize = 8;
 
 impl<L: ForceLaw> JointForce for OnCoordinate<L> {
     fn force(&self, q: f64, v: f64, p: &[f64], smoothing: f64) -> f64 {

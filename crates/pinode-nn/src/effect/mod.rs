@@ -1,7 +1,8 @@
 //! Effects: everything that makes Q beside the inputs.
 //!
 //! An effect is known (it stands in the model), found (the diagnosis put it there) or a candidate (the diagnosis tries it).
-//! Each kind is one file with its formula, its parameters and its derivatives, and one line in [`registry`].
+//! Each kind is one file with its formula, its parameters and its derivatives, and one line in [`registry`]; a crate of your own
+//! [registers](registry::register) its kinds there.
 //!
 //! There are six actions. A [`JointForce`] is a generalized force on one coordinate, a function of that coordinate's q and v.
 //! Where it is dry friction spread over a smoothing velocity it also has the set-valued law itself, [`DryFriction`]; an end stop has

@@ -1,8 +1,12 @@
-//! The kinds there are. A new kind is one file beside this one and one line here.
+//! The kinds there are. A new kind of this library is one file beside this one and one line here; one of another crate is
+//! [`register`]ed.
+
+use std::sync::{PoisonError, RwLock};
 
 use super::Kind;
+use super::joint_force::MOST_PARAMETERS;
 
-/// All kinds, in the order of contract and reports.
+/// All kinds of this library, in the order of contract and reports.
 pub static ALL: &[&Kind] = &[
     &super::viscous_friction::KIND,
     &super::coulomb_friction::KIND,
@@ -36,7 +40,134 @@ pub static ALL: &[&Kind] = &[
     &super::hysteresis::KIND,
 ];
 
+/// Kinds of other crates, in the order in which they came.
+static REGISTERED: RwLock<Vec<&'static Kind>> = RwLock::new(Vec::new());
+
+/// A kind that cannot be registered.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RegisterError {
+    /// Another kind has its name.
+    #[error("a kind of effect is called `{name}` already: give yours another name")]
+    Taken {
+        /// The name.
+        name: &'static str,
+    },
+    /// Model files could not name it, or its parameters.
+    #[error(
+        "`{name}` cannot be written as a key of a model file: use small letters, digits and underscores, a letter first"
+    )]
+    Unwritable {
+        /// The name of the kind or of a parameter.
+        name: &'static str,
+    },
+    /// A law of a joint takes at most eight parameters.
+    #[error(
+        "the kind `{kind}` has {count} parameters, at most {MOST_PARAMETERS} are possible: fix some of them in the law"
+    )]
+    TooMany {
+        /// The kind.
+        kind: &'static str,
+        /// How many it has.
+        count: usize,
+    },
+    /// Two parameters, or a parameter and a key that every effect has, go by one name.
+    #[error(
+        "the kind `{kind}` has the parameter `{name}` twice, or it is a key that every effect has: rename it"
+    )]
+    Ambiguous {
+        /// The kind.
+        kind: &'static str,
+        /// The parameter.
+        name: &'static str,
+    },
+}
+
+/// Makes a kind of another crate known to this process: model files may name it, and every diagnosis from here on tries it wherever it
+/// makes sense. To be called before models are loaded; the order of calls is the order of the candidates, which a seed's result may
+/// depend on.
+///
+/// ```
+/// use pinode_nn::effect::registry::{self, RegisterError};
+/// use pinode_nn::effect::{
+///     Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Probe, Quantity,
+/// };
+/// use lagrange::Scalar;
+///
+/// /// Q = −c v³: a damper that stiffens.
+/// struct CubicDamper;
+///
+/// impl ForceLaw for CubicDamper {
+///     fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], _smoothing: f64) -> D {
+///         -p[0] * v * v * v
+///     }
+/// }
+///
+/// static KIND: Kind = Kind {
+///     name: "cubic_damper",
+///     family: Family::Friction,
+///     summary: "force against the velocity, proportional to its cube",
+///     parameters: &[ParameterSpec::new("coefficient", Quantity::Ratio, (0.0, f64::INFINITY), 0.0)],
+///     action: Action::Joint(&OnCoordinate(CubicDamper)),
+///     contains: &[],
+///     probes: |scales, _| {
+///         let perturbed = vec![scales.small_force() / scales.speed.powi(3)];
+///         vec![Probe { neutral: vec![0.0], perturbed }]
+///     },
+/// };
+///
+/// registry::register(&KIND)?;
+/// assert!(registry::find("cubic_damper").is_some());
+/// assert_eq!(registry::register(&KIND), Err(RegisterError::Taken { name: "cubic_damper" }));
+/// # Ok::<(), RegisterError>(())
+/// ```
+///
+/// # Errors
+/// [`RegisterError`] when the names of the kind or of its parameters cannot stand in a model file beside the others.
+pub fn register(kind: &'static Kind) -> Result<(), RegisterError> {
+    let names = || kind.parameters.iter().map(|p| p.name);
+    for name in std::iter::once(kind.name).chain(names()) {
+        if !is_key(name) {
+            return Err(RegisterError::Unwritable { name });
+        }
+    }
+    let count = kind.parameters.len();
+    if count > MOST_PARAMETERS {
+        let kind = kind.name;
+        return Err(RegisterError::TooMany { kind, count });
+    }
+    for (k, name) in names().enumerate() {
+        if KEYS.contains(&name) || names().take(k).any(|other| other == name) {
+            let kind = kind.name;
+            return Err(RegisterError::Ambiguous { kind, name });
+        }
+    }
+    let mut registered = REGISTERED.write().unwrap_or_else(PoisonError::into_inner);
+    let same = |other: &&Kind| other.name == kind.name;
+    if ALL.iter().any(same) || registered.iter().any(same) {
+        return Err(RegisterError::Taken { name: kind.name });
+    }
+    registered.push(kind);
+    Ok(())
+}
+
+/// The keys of every `[[effect]]`.
+const KEYS: [&str; 6] = ["kind", "joint", "input", "link", "fixed", "smoothing"];
+
+fn is_key(name: &str) -> bool {
+    name.starts_with(|c: char| c.is_ascii_lowercase())
+        && name
+            .chars()
+            .all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
+}
+
+/// All kinds, those of this library first.
+pub fn all() -> Vec<&'static Kind> {
+    let registered = REGISTERED.read().unwrap_or_else(PoisonError::into_inner);
+    ALL.iter().chain(registered.iter()).copied().collect()
+}
+
 /// The kind called `name`.
 pub fn find(name: &str) -> Option<&'static Kind> {
-    ALL.iter().copied().find(|kind| kind.name == name)
+    all().into_iter().find(|kind| kind.name == name)
 }

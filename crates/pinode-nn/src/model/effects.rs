@@ -260,7 +260,8 @@ fn read_kind(table: &Section, faults: &mut Faults) -> Option<&'static Kind> {
     let name = table.needed_string("kind", faults)?;
     let found = registry::find(name.value);
     if found.is_none() {
-        let names = || registry::ALL.iter().map(|kind| kind.name);
+        let kinds = registry::all();
+        let names = || kinds.iter().map(|kind| kind.name);
         let message = if RESERVED.contains(&name.value) {
             let all: Vec<&str> = names().collect();
             format!(
