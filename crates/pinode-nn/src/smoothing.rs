@@ -102,7 +102,7 @@ pub fn check(model: &Model, logs: &[Log], options: &Options) -> Result<Smoothing
         .iter()
         .map(|run| initial_states(model, run, options.initial))
         .collect();
-    let (observations, _) = audit::audit(model, logs, &[]);
+    let observations = audit::audit(model, logs, &[]).observations;
     let noise: Vec<f64> = observations.channels.iter().map(|c| c.noise).collect();
     let tasks: Vec<(Window, &[f64])> = windows
         .into_iter()

@@ -365,3 +365,87 @@ fn a_report_that_cannot_be_written_leaves_the_other_files_as_they_were() {
     }
     assert_eq!(std::fs::read_dir(&out).unwrap().count(), 3);
 }
+
+/// Starts a diagnosis in `dir`, sends `signal` once it has finished a fit or two, and returns how it ended.
+#[cfg(unix)]
+fn stopped_by(signal: &str, dir: &Path, arguments: &[&str]) -> Output {
+    use std::time::{Duration, Instant};
+    let child = Command::new(env!("CARGO_BIN_EXE_pinode"))
+        .current_dir(dir)
+        .args(arguments)
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    let kept = dir.join("out/.unfinished-diagnosis");
+    let patience = Instant::now() + Duration::from_secs(120);
+    let size = || std::fs::metadata(&kept).map_or(0, |file| file.len());
+    while size() < 10_000 && Instant::now() < patience {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    assert!(size() >= 10_000, "it ended before it was stopped");
+    let sent = Command::new("kill")
+        .args([signal, &child.id().to_string()])
+        .status();
+    assert!(sent.unwrap().success());
+    child.wait_with_output().unwrap()
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_diagnosis_goes_on_to_the_same_bits() {
+    let common = ["diagnose", "sledge.toml", "log.csv", "--out", "out"];
+    let written = |dir: &Path| {
+        ["diagnosis.json", "model.toml", "report.html"]
+            .map(|name| std::fs::read(dir.join("out").join(name)).unwrap())
+    };
+    let names = |dir: &Path| -> Vec<String> {
+        let entries = std::fs::read_dir(dir.join("out")).unwrap();
+        let name = |entry: std::io::Result<std::fs::DirEntry>| entry.unwrap().file_name();
+        let mut names: Vec<String> = entries
+            .map(|e| name(e).to_string_lossy().into_owned())
+            .collect();
+        names.sort();
+        names
+    };
+    let whole = folder(30.0);
+    let output = pinode(whole.path(), &common);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let whole = written(whole.path());
+
+    for signal in ["-INT", "-KILL"] {
+        let dir = folder(30.0);
+        let stopped = stopped_by(signal, dir.path(), &common);
+        if signal == "-INT" {
+            assert_eq!(stopped.status.code(), Some(130), "{}", stderr(&stopped));
+            let said = stderr(&stopped);
+            assert!(
+                said.contains("interrupted; what was finished is kept in"),
+                "{said}"
+            );
+            assert_eq!(names(dir.path()), [".unfinished-diagnosis"]);
+        }
+        let again = pinode(dir.path(), &common);
+        assert_eq!(again.status.code(), Some(0), "{}", stderr(&again));
+        let said = stderr(&again);
+        assert!(
+            said.contains("going on with the unfinished diagnosis in out: "),
+            "{said}"
+        );
+        assert!(!said.contains(": 0 of its fits"), "{said}");
+        assert!(written(dir.path()) == whole, "after {signal}");
+        let left = names(dir.path());
+        assert!(
+            !left.contains(&".unfinished-diagnosis".to_owned()),
+            "{left:?}"
+        );
+    }
+
+    // With another seed it is another diagnosis.
+    let dir = folder(30.0);
+    stopped_by("-INT", dir.path(), &common);
+    let other = pinode(dir.path(), &[&common[..], &["--seed", "3"]].concat());
+    assert_eq!(other.status.code(), Some(0), "{}", stderr(&other));
+    let said = stderr(&other);
+    assert!(said.contains("was of other inputs: begun anew"), "{said}");
+}

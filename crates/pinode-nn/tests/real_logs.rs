@@ -31,6 +31,11 @@ fn diagnosed(name: &str) -> Option<(Model, Diagnosis)> {
     let out = tempfile::tempdir().unwrap();
     let outcome = diagnose(&model, &[log], &[], out.path(), 0, &|_| {}).unwrap();
     let written = Model::load(&outcome.model).unwrap();
+    // What moves these mechanisms is all in their logs, and their sensors see everywhere.
+    for fault in &outcome.diagnosis.data_faults {
+        let healthy = ["outliers", "quantum", "noise"];
+        assert!(healthy.contains(&fault.kind.as_str()), "{fault:?}");
+    }
     Some((written, outcome.diagnosis))
 }
 

@@ -1,13 +1,14 @@
 //! The program `pinode`: arguments, people's text, exit codes. One file per command.
 //!
 //! With `--json` there is one JSON document on stdout and nothing else; people's text goes to stderr. Exit codes: 0 done, 1 the
-//! work failed, 2 wrong usage.
+//! work failed, 2 wrong usage, 130 interrupted: what a diagnosis had finished is kept, and the same command goes on from there.
 
 mod check;
 mod diagnose;
 mod dynamics;
 mod equations;
 mod evaluate;
+mod interrupt;
 mod output;
 mod progress;
 mod simulate;

@@ -18,6 +18,12 @@ pub fn summary(diagnosis: &Diagnosis) -> String {
     for effect in &diagnosis.effects {
         write_effect(&mut out, effect);
     }
+    if let Some(unexplained) = &diagnosis.unexplained {
+        out.push_str("\nwhat no effect explains:\n");
+        for sentence in &unexplained.sentences {
+            let _ = writeln!(out, "  {sentence}");
+        }
+    }
     write_gap(&mut out, &diagnosis.gap);
     // Writing to a String cannot fail.
     if !diagnosis.data_faults.is_empty() {
@@ -29,6 +35,12 @@ pub fn summary(diagnosis: &Diagnosis) -> String {
             "  {} in {}: {}",
             fault.kind, fault.column, fault.detail
         );
+    }
+    if !diagnosis.excitation.sentences.is_empty() {
+        out.push_str("\nwhat these data can show:\n");
+    }
+    for sentence in &diagnosis.excitation.sentences {
+        let _ = writeln!(out, "  {sentence}");
     }
     if !diagnosis.advice.is_empty() {
         out.push_str("\nadvice:\n");

@@ -3,12 +3,17 @@
 use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use sha2::{Digest, Sha256};
 
 use super::Output;
+use super::interrupt::Interruptible;
 use super::progress::Progress;
 use crate::Error;
-use crate::diagnose::diagnose_into;
+use crate::diagnose::kept::{self, Before, Kept};
 use crate::diagnose::verdict::Diagnosis;
+use crate::diagnose::{Means, diagnose_into};
 use crate::disk::Staged;
 use crate::log::Log;
 use crate::model::Model;
@@ -46,7 +51,8 @@ pub struct Finished {
 
 /// Diagnoses and writes `model.toml` (with its URDF beside it), `report.html` and `diagnosis.json`. All three are written under other
 /// names first and renamed together at the end, so that no old file stands beside a new one; when something fails, no new file and no
-/// new folder is left.
+/// new folder is left. Finished fits are kept in the folder meanwhile: a diagnosis that is interrupted goes on from them when it is begun
+/// again with the same inputs, to the same bits.
 ///
 /// # Errors
 /// Those of [`diagnose`](crate::diagnose::diagnose); [`Error::OverwritesInput`], [`Error::Io`].
@@ -66,10 +72,30 @@ pub fn run(task: &Task, output: &Output) -> Result<Finished, Error> {
     }
     let folder = Folder::make(task.out)?;
     let finished = work(task, output);
+    // Finished or failed: there is nothing to go on with. Where it cannot be removed, the next diagnosis empties it.
+    let _ = std::fs::remove_file(task.out.join(kept::FILE_NAME));
     if finished.is_err() {
         folder.leave_as_it_was();
     }
     finished
+}
+
+/// SHA-256 of all that a diagnosis is made of: the program, the model with its URDF, the logs, the seed.
+fn fingerprint(task: &Task) -> [u8; 32] {
+    let mut text = env!("CARGO_PKG_VERSION").to_owned();
+    // A program that was built anew may fit otherwise.
+    let built = std::env::current_exe().and_then(std::fs::metadata);
+    if let Ok(built) = built {
+        text += &format!("\n{} {:?}", built.len(), built.modified().ok());
+    }
+    text += &format!("\n{}", task.model.sha256());
+    for (logs, side) in [(task.logs, "fit"), (task.held_out, "held out")] {
+        for log in logs {
+            text += &format!("\n{side} {}", log.sha256);
+        }
+    }
+    text += &format!("\n{}", task.seed);
+    Sha256::digest(text).into()
 }
 
 fn work(task: &Task, output: &Output) -> Result<Finished, Error> {
@@ -82,6 +108,24 @@ fn work(task: &Task, output: &Output) -> Result<Finished, Error> {
         .map_err(|e| Error::io(&model, e))?
         .into_temp_path();
     let draft_name = draft.file_name().unwrap_or_default().to_string_lossy();
+    let (kept, before) = Kept::open(task.out, &fingerprint(task))?;
+    match before {
+        Before::Nothing => {}
+        Before::Same(fits) => output.note(&format!(
+            "going on with the unfinished diagnosis in {}: {fits} of its fits are there",
+            task.out.display()
+        )),
+        Before::Other => output.note(&format!(
+            "the unfinished diagnosis in {} was of other inputs: begun anew",
+            task.out.display()
+        )),
+    }
+    let kept = Arc::new(kept);
+    let interruptible = Interruptible::new(&kept, draft.to_path_buf(), output.quiet);
+    let means = Means {
+        kept: Some(Arc::clone(&kept)),
+        ..Means::default()
+    };
     let outcome = diagnose_into(
         task.model,
         task.logs,
@@ -89,6 +133,7 @@ fn work(task: &Task, output: &Output) -> Result<Finished, Error> {
         (task.out, &draft_name),
         task.seed,
         &|stage| progress.stage(stage),
+        &means,
     )?;
     progress.stage("writing the report");
     let text = std::fs::read_to_string(&draft).map_err(|e| Error::io(&draft, e))?;
@@ -101,6 +146,7 @@ fn work(task: &Task, output: &Output) -> Result<Finished, Error> {
         Staged::write(&model, text.as_bytes())?,
         Staged::write(&json, &bytes)?,
     ];
+    let _uninterrupted = interruptible.wait();
     staged.into_iter().try_for_each(Staged::commit)?;
     Ok(Finished {
         diagnosis: outcome.diagnosis,

@@ -96,7 +96,7 @@ fn experiment(a: &str, b: &str) -> &'static str {
 }
 
 /// A kind's name as people say it.
-fn spoken(kind: &str) -> String {
+pub fn spoken(kind: &str) -> String {
     kind.replace('_', " ")
         .replace("coulomb", "Coulomb")
         .replace("stribeck", "Stribeck")

@@ -40,6 +40,8 @@ pub struct ResidualForce {
     pub coordinate: String,
     /// Its unit.
     pub unit: String,
+    /// Index of the recording of each.
+    pub run: Vec<usize>,
     /// Times, s.
     pub t: Vec<f64>,
     /// The force that is needed and not modelled.

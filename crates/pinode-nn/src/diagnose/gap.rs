@@ -1,5 +1,6 @@
 //! Free-run errors on data that no fit has seen.
 
+use super::audit::Masked;
 use super::curves::{FreeRun, FreeRunCoordinate};
 use super::study::Study;
 use super::verdict::{CoordinateGap, Gap};
@@ -12,16 +13,17 @@ use crate::shooting::{
 ///
 /// Over the part of the recordings that is held out: the initial state is fitted on `lead` s with the same model, then the model
 /// runs free for `horizon` s. Errors of that part alone, in units of each coordinate's measurement noise. A window in which either
-/// model diverges counts for neither.
+/// model diverges counts for neither; one that touches what is masked is left out.
 pub fn gap(
     study: &Study,
     (before, before_theta): (&Hybrid, &[f64]),
     (after, after_theta): (&Hybrid, &[f64]),
     first_guess: &dyn Fn(usize, usize) -> Vec<f64>,
     (lead, horizon): (f64, f64),
+    masked: &Masked,
 ) -> (Gap, Vec<FreeRun>) {
     let observations = &study.observations;
-    let windows = held_out_windows(study, lead + horizon);
+    let windows = masked.leave(held_out_windows(study, lead + horizon), observations);
     let runs_before = free_runs(study, before, before_theta, &windows, first_guess, lead);
     let runs_after = free_runs(study, after, after_theta, &windows, first_guess, lead);
 

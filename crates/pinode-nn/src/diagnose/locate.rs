@@ -3,7 +3,7 @@
 //! r = M(q) v̇ + C(q, v) v + G(q) − Q_model with q, v, v̇ from local cubics through the measurements. This explains and orders; it
 //! does not decide: its noise is too high for that.
 
-use super::audit::median;
+use super::audit::{Masked, median};
 use super::curves::ResidualForce;
 use super::smooth::Smoothed;
 use super::study::{Fitted, Study};
@@ -14,13 +14,14 @@ use crate::shooting::ObservedRun;
 /// Number of quantile bins of the correlation ratio.
 const BINS: usize = 12;
 
-/// Locates the disagreement of a fitted model, worst coordinate first.
+/// Locates the disagreement of a fitted model, worst coordinate first; what is masked is not looked at.
 pub fn locate(
     study: &Study,
     fitted: &Fitted,
     smoothed: &[Smoothed],
     half_width: f64,
     input_names: &[String],
+    masked: &Masked,
 ) -> (Vec<Disagreement>, Vec<ResidualForce>) {
     let hybrid = &fitted.hybrid;
     let nv = hybrid.nv();
@@ -54,6 +55,9 @@ pub fn locate(
                 }
             }
             if k % stride != 0 || (k as f64) < side || k as f64 + side >= run.t.len() as f64 {
+                continue;
+            }
+            if masked.touches(r, run.t[k] - half_width, run.t[k] + half_width) {
                 continue;
             }
             let state = smooth.state(k);
@@ -99,6 +103,7 @@ pub fn locate(
             let residual = ResidualForce {
                 coordinate: coordinate.name.clone(),
                 unit: coordinate.force_unit().into(),
+                run: times.iter().map(|t| t.0).collect(),
                 t: times.iter().map(|t| t.1).collect(),
                 force: force.clone(),
                 explained_by: explained

@@ -1,7 +1,8 @@
 //! The missing-physics workflow: find where model and measured data disagree, name what is missing, add it, show the gap shrink.
 //!
-//! 1. Audit: noise of the sensors, outliers and gaps, from the log alone.
-//! 2. The model as given is fitted within its tolerances: that is the null model.
+//! 1. Audit: noise of the sensors and faults of the data, from the log alone; what the log can show at best.
+//! 2. The model as given is fitted within its tolerances: that is the null model. Its residuals show more faults of the data; what is
+//!    faulty takes no part in anything.
 //! 3. Locate: the force it lacks, by coordinate and signal. This explains; it does not decide.
 //! 4. Search: every candidate is screened from one linearisation; the best are refined by a fit; one is accepted
 //!    when it explains the windows better, pair by pair, both on those the fit saw and on those held out.
@@ -9,11 +10,13 @@
 
 mod advise;
 pub(crate) mod audit;
+mod bins;
 mod candidate;
 mod confidence;
 pub mod curves;
 mod found;
 mod gap;
+pub(crate) mod kept;
 mod locate;
 mod numerics;
 mod score;
@@ -22,14 +25,21 @@ mod search;
 mod setup;
 pub(crate) mod smooth;
 mod study;
+mod unexplained;
 pub mod verdict;
 mod write_up;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use self::curves::Curves;
-use self::setup::prepare;
-use self::verdict::{Diagnosis, LogProvenance, Numerics, Provenance, Verdict};
+use self::audit::{Audited, Masked, second_look};
+use self::curves::{Curves, ResidualForce};
+use self::kept::Kept;
+use self::search::Search;
+use self::setup::{Prepared, prepare};
+use self::verdict::{
+    DataFault, Diagnosis, Disagreement, LogProvenance, Numerics, Provenance, Verdict,
+};
 use crate::Error;
 use crate::effect::Kind;
 use crate::entries::refuse_poses;
@@ -74,7 +84,9 @@ pub fn diagnose(
     seed: u64,
     report: &dyn Fn(&str),
 ) -> Result<Outcome, Error> {
-    diagnose_into(model, logs, held_out, (out, "model.toml"), seed, report)
+    let file = (out, "model.toml");
+    let means = Means::default();
+    diagnose_into(model, logs, held_out, file, seed, report, &means)
 }
 
 /// [`diagnose`] as it would be if the library had not the kinds `without`: what is said where the missing effect is in no library?
@@ -91,29 +103,31 @@ pub fn diagnose_without(
     report: &dyn Fn(&str),
 ) -> Result<Outcome, Error> {
     let file = (out, "model.toml");
-    diagnose_among(model, logs, held_out, file, seed, without, report)
+    let means = Means {
+        without: without.to_vec(),
+        ..Means::default()
+    };
+    diagnose_into(model, logs, held_out, file, seed, report, &means)
 }
 
-/// [`diagnose`], with another name for the new model.
+/// What a diagnosis has at its disposal beside model and data.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Means {
+    /// Kinds of effects that are no candidates.
+    pub without: Vec<&'static Kind>,
+    /// Where finished fits are kept.
+    pub kept: Option<Arc<Kept>>,
+}
+
+/// [`diagnose`], with another name for the new model, by other means.
 pub(crate) fn diagnose_into(
-    model: &Model,
-    logs: &[Log],
-    held_out: &[Log],
-    file: (&Path, &str),
-    seed: u64,
-    report: &dyn Fn(&str),
-) -> Result<Outcome, Error> {
-    diagnose_among(model, logs, held_out, file, seed, &[], report)
-}
-
-fn diagnose_among(
     model: &Model,
     logs: &[Log],
     held_out: &[Log],
     (out, file_name): (&Path, &str),
     seed: u64,
-    without: &[&'static Kind],
     report: &dyn Fn(&str),
+    means: &Means,
 ) -> Result<Outcome, Error> {
     refuse_poses(model.mechanics.coordinates(), WORK)?;
     let all: Vec<&Log> = logs.iter().chain(held_out).collect();
@@ -126,27 +140,31 @@ fn diagnose_among(
         }
     }
     report("reading the log: noise, outliers, gaps");
-    let (observations, data_faults) = audit::audit(model, logs, held_out);
+    let audited = audit::audit(model, logs, held_out);
     let fit_runs = logs.iter().map(|log| log.runs.len()).sum();
     report("fitting the model as given");
-    let mut prepared = prepare(model, observations, fit_runs)?;
-    prepared.study.without = without.to_vec();
+    let mut cleaned = Cleaned::new(model, audited, fit_runs, report, means)?;
     let names: Vec<String> = model
         .inputs
         .iter()
         .map(|input| input.name.clone())
         .collect();
-
-    report("locating the disagreement");
-    let (disagreement, residuals) = locate::locate(
-        &prepared.study,
-        &prepared.null,
-        &prepared.smoothed,
-        prepared.half_width,
-        &names,
-    );
+    let mut search = cleaned.search(seed, report);
+    // What a wrong model hides among its own errors may show beside the found one.
+    if search::is_unexplained(&cleaned.prepared.study, &search.model, search::UNEXPLAINED)
+        && cleaned.look_again(model, &search, &names, report)
+    {
+        search = cleaned.search(seed, report);
+    }
+    let Cleaned {
+        prepared,
+        faults: data_faults,
+        masked,
+        disagreement,
+        residuals,
+        ..
+    } = cleaned;
     let study = &prepared.study;
-    let mut search = search::search(study, prepared.null.clone(), seed, report);
 
     report("writing the new model and running it free over unseen data");
     let provenance = Provenance {
@@ -180,6 +198,7 @@ fn diagnose_among(
             (&written, &written.theta()),
             &first_guess,
             (LEAD_S.min(0.5 * prepared.window), HORIZON_S),
+            &masked,
         );
         // Windows without one in which both models stay finite count against what was found; no windows at all say nothing.
         let shrinks = gap.windows > 0 && gap.after < gap.before;
@@ -190,13 +209,31 @@ fn diagnose_among(
         search.withdraw();
     };
 
+    let something_is_left = search::is_unexplained(study, &search.model, search::UNEXPLAINED);
     let verdict = if !search.found.is_empty() {
         Verdict::EffectsFound
-    } else if search::is_unexplained(study, &search.model, search::UNEXPLAINED) {
+    } else if something_is_left {
         Verdict::Unexplained
+    } else if data_faults.iter().any(audit::contradicts) {
+        Verdict::DataFault
     } else {
         Verdict::NothingMissing
     };
+    let unexplained = something_is_left
+        .then(|| {
+            let Prepared {
+                smoothed,
+                half_width,
+                ..
+            } = &prepared;
+            let (_, all) =
+                locate::locate(study, &search.model, smoothed, *half_width, &names, &masked);
+            let left = all.first()?;
+            let mut coordinates = model.mechanics.coordinates().iter();
+            let c = coordinates.position(|c| c.name == left.coordinate)?;
+            unexplained::describe(study, &search.model, left, c, &names)
+        })
+        .flatten();
     let effects = write_up::effects(&search, &names);
     let numerics = Numerics {
         set_valued: numerics::set_valued(study, &search.model),
@@ -208,6 +245,8 @@ fn diagnose_among(
         effects,
         gap,
         data_faults,
+        excitation: prepared.excitation,
+        unexplained,
         advice,
         constants: write_up::constants(&search, &names),
         search: write_up::steps(&search, &names),
@@ -222,4 +261,122 @@ fn diagnose_among(
         },
         model: path,
     })
+}
+
+/// The null model on data without their faults.
+struct Cleaned {
+    prepared: Prepared,
+    fit_runs: usize,
+    faults: Vec<DataFault>,
+    masked: Masked,
+    disagreement: Vec<Disagreement>,
+    residuals: Vec<ResidualForce>,
+}
+
+impl Cleaned {
+    /// Fits the model as given, and once more where its residuals show a fault of the data.
+    fn new(
+        model: &Model,
+        audited: Audited,
+        fit_runs: usize,
+        report: &dyn Fn(&str),
+        means: &Means,
+    ) -> Result<Self, Error> {
+        let Audited {
+            observations,
+            faults,
+            masked,
+        } = audited;
+        let prepared = prepare(model, observations, fit_runs, &masked, means)?;
+        let mut cleaned = Cleaned {
+            prepared,
+            fit_runs,
+            faults,
+            masked,
+            disagreement: Vec::new(),
+            residuals: Vec::new(),
+        };
+        let names: Vec<String> = model.inputs.iter().map(|i| i.name.clone()).collect();
+        report("locating the disagreement");
+        let null = cleaned.prepared.null.clone();
+        (cleaned.disagreement, cleaned.residuals) = cleaned.locate(&null, &names);
+        let residuals = cleaned.residuals.clone();
+        cleaned.look(model, &null, &residuals, &names, report);
+        Ok(cleaned)
+    }
+
+    fn locate(
+        &self,
+        fitted: &study::Fitted,
+        names: &[String],
+    ) -> (Vec<Disagreement>, Vec<ResidualForce>) {
+        let Prepared {
+            study,
+            smoothed,
+            half_width,
+            ..
+        } = &self.prepared;
+        locate::locate(study, fitted, smoothed, *half_width, names, &self.masked)
+    }
+
+    fn search(&self, seed: u64, report: &dyn Fn(&str)) -> Search {
+        let Prepared { study, null, .. } = &self.prepared;
+        search::search(study, null.clone(), seed, report)
+    }
+
+    /// Looks at the residuals of what was found. Whether a fault of the data was seen.
+    fn look_again(
+        &mut self,
+        model: &Model,
+        search: &Search,
+        names: &[String],
+        report: &dyn Fn(&str),
+    ) -> bool {
+        let (_, residuals) = self.locate(&search.model, names);
+        self.look(model, &search.model, &residuals, names, report)
+    }
+
+    /// Masks what the residuals of a fitted model show to be faulty and fits the model as given anew. Whether there was such a fault.
+    fn look(
+        &mut self,
+        model: &Model,
+        fitted: &study::Fitted,
+        residuals: &[ResidualForce],
+        names: &[String],
+        report: &dyn Fn(&str),
+    ) -> bool {
+        let Some(look) = second_look(&self.prepared.study, fitted, residuals, &self.masked) else {
+            return false;
+        };
+        report("fitting the model as given without what is faulty in the data");
+        let mut faults = look.faults;
+        let means = Means {
+            without: self.prepared.study.without.clone(),
+            kept: self.prepared.study.kept.clone(),
+        };
+        let again = prepare(
+            model,
+            look.observations,
+            self.fit_runs,
+            &look.masked,
+            &means,
+        );
+        let cleaned = again.is_ok();
+        match again {
+            Ok(prepared) => {
+                self.prepared = prepared;
+                self.masked = look.masked;
+                let null = self.prepared.null.clone();
+                (self.disagreement, self.residuals) = self.locate(&null, names);
+            }
+            // Too little is left without it.
+            Err(e) => {
+                for fault in &mut faults {
+                    fault.detail += &format!("; yet it stays in all fits, since without it {e}");
+                }
+            }
+        }
+        self.faults.extend(faults);
+        cleaned
+    }
 }

@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
-use super::audit::median;
+use super::Means;
+use super::audit::{Masked, excitation, median};
 use super::smooth::{Smoothed, smooth};
 use super::study::{Fitted, MOST_SUBSTEPS, Start, Study};
+use super::verdict::Excitation;
 use crate::Error;
 use crate::effect::Scales;
 use crate::hybrid::Hybrid;
@@ -36,13 +38,17 @@ pub struct Prepared {
     pub half_width: f64,
     /// Length of a window, s.
     pub window: f64,
+    /// What the data excite.
+    pub excitation: Excitation,
 }
 
-/// Cuts the windows and fits the model as given.
+/// Cuts the windows and fits the model as given. What is masked is in no window.
 pub fn prepare(
     model: &Model,
     observations: Observations,
     fit_runs: usize,
+    masked: &Masked,
+    means: &Means,
 ) -> Result<Prepared, Error> {
     let hybrid = Hybrid::of(model);
     let nv = hybrid.nv();
@@ -55,9 +61,10 @@ pub fn prepare(
     let observations =
         observations.thinned(COARSEST_STEP.min(1.0 / (SAMPLES_PER_PERIOD * frequency)));
     let windows = Windows::cut(&observations, fit_runs, window);
+    let taken = |windows, most| spread_over(masked.leave(windows, &observations), most);
     let windows = Windows {
-        fit: spread_over(windows.fit, MOST_WINDOWS),
-        held_out: spread_over(windows.held_out, MOST_WINDOWS / 3),
+        fit: taken(windows.fit, MOST_WINDOWS),
+        held_out: taken(windows.held_out, MOST_WINDOWS / 3),
     };
     let needed = (FEWEST_WINDOWS, FEWEST_WINDOWS / 2);
     if windows.fit.len() < needed.0 || windows.held_out.len() < needed.1 {
@@ -80,6 +87,15 @@ pub fn prepare(
         .map(|run| smooth(run, &wraps, half_width))
         .collect();
     let scales = scales(&hybrid, &smoothed, &observations);
+    let names: Vec<String> = model.inputs.iter().map(|i| i.name.clone()).collect();
+    let excitation = excitation(
+        &hybrid,
+        &observations,
+        &smoothed,
+        &scales,
+        &windows.fit,
+        &names,
+    );
     let mut intervals: Vec<f64> = observations
         .runs
         .iter()
@@ -100,7 +116,8 @@ pub fn prepare(
         interval,
         substeps,
         finer: 1,
-        without: Vec::new(),
+        without: means.without.clone(),
+        kept: means.kept.clone(),
         observations,
         windows,
     };
@@ -136,6 +153,7 @@ pub fn prepare(
         smoothed,
         half_width,
         window,
+        excitation,
     })
 }
 

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::kept::Kept;
 use super::score::{Paired, paired, samples_per_window, window_scores};
 use super::smooth::Smoothed;
 use crate::effect::{Kind, Scales};
@@ -34,6 +35,8 @@ pub struct Study {
     pub finer: usize,
     /// Kinds of effects that are no candidates.
     pub without: Vec<&'static Kind>,
+    /// Where finished fits are kept.
+    pub kept: Option<Arc<Kept>>,
 }
 
 /// A model fitted to the seen windows, and its initial states (only those) to the windows held out.
@@ -200,8 +203,8 @@ impl Study {
         }
     }
 
-    /// Fits a model.
-    pub fn fit(
+    /// Fits a model; [`fit`](Self::fit) does so unless the fit is kept already.
+    pub(super) fn fit_anew(
         &self,
         hybrid: Hybrid,
         start: Start,

@@ -19,6 +19,10 @@ pub struct Diagnosis {
     pub gap: Gap,
     /// What is wrong with the data themselves.
     pub data_faults: Vec<DataFault>,
+    /// What the data excite, and what they can show at best; known before anything is fitted.
+    pub excitation: Excitation,
+    /// What no effect explains, on the worst coordinate; `null` where nothing of the kind is left.
+    pub unexplained: Option<Unexplained>,
     /// What to do or to record next.
     pub advice: Vec<String>,
     /// Everything else the fit moved within its tolerance: masses, gains, zeros, known effects.
@@ -41,7 +45,7 @@ pub enum Verdict {
     NothingMissing,
     /// Something is missing that no effect in the library explains.
     Unexplained,
-    /// The data contradict themselves.
+    /// The data are at fault: without what is faulty the model explains them.
     DataFault,
 }
 
@@ -172,6 +176,148 @@ pub struct DataFault {
     pub when: Vec<[f64; 2]>,
     /// What was seen, and what was done about it.
     pub detail: String,
+}
+
+/// The force that is left on a coordinate, as a function of what it depends on.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Unexplained {
+    /// The coordinate.
+    pub coordinate: String,
+    /// Root mean square of the force, its noise included.
+    pub rms: f64,
+    /// Its unit.
+    pub unit: String,
+    /// The signals that explain most of its variance, each by itself, the best first.
+    pub depends_on: Vec<SharedSignal>,
+    /// A second signal that explains much more together with the best one, with their common share.
+    pub together_with: Option<SharedSignal>,
+    /// Share of the odd part about 0 in the best signal; `null` where the signal has one sign.
+    pub odd_share: Option<f64>,
+    /// Whether the past matters.
+    pub memory: Memory,
+    /// The force over the best signal; valid between its first and its last point.
+    pub curve: ForceCurve,
+    /// The laws of the library that look most like it.
+    pub nearest: Vec<NearShape>,
+    /// All this in words.
+    pub sentences: Vec<String>,
+}
+
+/// A signal and the adjusted share of the variance that it explains.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SharedSignal {
+    /// What it is.
+    pub signal: String,
+    /// Its unit.
+    pub unit: String,
+    /// Adjusted correlation ratio.
+    pub share: f64,
+}
+
+/// Whether a force depends on the past where the present is the same.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Memory {
+    /// Whether it does.
+    pub present: bool,
+    /// Adjusted share of what the present leaves that the past explains.
+    pub share: f64,
+    /// What of the past.
+    pub by: String,
+}
+
+/// A force over a signal: means of samples with neighbouring values.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ForceCurve {
+    /// The signal.
+    pub signal: String,
+    /// Its unit.
+    pub unit: String,
+    /// Its values.
+    pub at: Vec<f64>,
+    /// The mean force there.
+    pub force: Vec<f64>,
+    /// Standard error of each mean.
+    pub std: Vec<f64>,
+}
+
+/// A law of the library beside a force.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct NearShape {
+    /// Kind.
+    pub kind: String,
+    /// Target.
+    pub target: String,
+    /// Correlation; negative where the law has the opposite sign.
+    pub correlation: f64,
+}
+
+/// What the data excite, and what they can show at best.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Excitation {
+    /// How the coordinates move.
+    pub coordinates: Vec<CoordinateExcitation>,
+    /// What the inputs do.
+    pub inputs: Vec<InputExcitation>,
+    /// The sizes from which effects can be seen.
+    pub limits: Vec<Limit>,
+    /// Pairs of effects that move a coordinate nearly alike.
+    pub alike: Vec<Alike>,
+    /// All this in words.
+    pub sentences: Vec<String>,
+}
+
+/// How a coordinate moves.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CoordinateExcitation {
+    /// Its name.
+    pub name: String,
+    /// `m` or `rad`.
+    pub unit: String,
+    /// Least and largest position; angles unwrapped.
+    pub range: [f64; 2],
+    /// Speed exceeded in one sample of twenty, unit/s.
+    pub speed: f64,
+    /// How often it turns round.
+    pub reversals: usize,
+    /// Root mean square of the acceleration over that of the velocity, over 2π, Hz.
+    pub mean_frequency: f64,
+}
+
+/// What an input does, in its own unit.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct InputExcitation {
+    /// Its name.
+    pub name: String,
+    /// Least and largest value.
+    pub range: [f64; 2],
+    /// Share of the samples in which it is zero.
+    pub zero_share: f64,
+}
+
+/// The least size of an effect that the sensor's noise lets through.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Limit {
+    /// Kind.
+    pub kind: String,
+    /// Target.
+    pub target: String,
+    /// The parameter that is its size.
+    pub parameter: String,
+    /// Below this it is not seen; `null` when no size moves the coordinate.
+    pub least: Option<f64>,
+    /// Unit of `least`.
+    pub unit: String,
+}
+
+/// Two effects that move a coordinate nearly alike.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Alike {
+    /// The coordinate.
+    pub target: String,
+    /// Their kinds.
+    pub kinds: [String; 2],
+    /// Correlation of what they move.
+    pub correlation: f64,
 }
 
 /// A constant that the fit moved.

@@ -160,6 +160,14 @@ pub enum Target {
 }
 
 impl Model {
+    /// SHA-256 of the model file and its URDF, hexadecimal.
+    pub fn sha256(&self) -> String {
+        let urdf = self.urdf.as_ref().map_or("", |urdf| urdf.text.as_str());
+        // The length tells where the one ends and the other begins.
+        let all = format!("{}\n{}{urdf}", self.text.len(), self.text);
+        crate::disk::sha256(all.as_bytes())
+    }
+
     /// Reads the model at `path` and the URDF it names.
     ///
     /// # Errors

@@ -1,13 +1,15 @@
 //! The figures: free runs, and the force that the model lacks.
 
 use plotly::color::Rgba;
-use plotly::common::{Anchor, DashType, Font, Line, Marker, Mode, Orientation};
+use plotly::common::{
+    Anchor, DashType, ErrorData, ErrorType, Font, Line, Marker, Mode, Orientation,
+};
 use plotly::configuration::DisplayModeBar;
 use plotly::layout::{Axis, HoverMode, Legend, Margin, Shape, ShapeLayer, ShapeLine, ShapeType};
 use plotly::{Bar, Configuration, Layout, Plot, Scatter};
 
 use crate::diagnose::curves::{Curves, FreeRun, ResidualForce};
-use crate::diagnose::verdict::{Diagnosis, Disagreement};
+use crate::diagnose::verdict::{Diagnosis, Disagreement, Unexplained};
 
 /// More points of one curve are thinned out.
 const MOST_POINTS: usize = 2000;
@@ -238,6 +240,31 @@ pub fn residual(
         });
     }
     figures
+}
+
+/// The force that no effect explains, over the signal that it follows best.
+pub fn unexplained(unexplained: &Unexplained) -> Figure {
+    let curve = &unexplained.curve;
+    let mut plot = Plot::new();
+    let doubled: Vec<f64> = curve.std.iter().map(|std| 2.0 * std).collect();
+    add(&mut plot, (curve.at.clone(), curve.force.clone()), |s| {
+        s.mode(Mode::LinesMarkers)
+            .line(Line::new().color(AFTER).width(2.0))
+            .marker(Marker::new().color(AFTER).size(5))
+            .error_y(ErrorData::new(ErrorType::Data).array(doubled).color(TEXT))
+    });
+    let force = label("force left", &unexplained.unit);
+    Figure {
+        title: format!(
+            "The force left on {} over {}: means of neighbouring samples, ± 2 standard errors",
+            unexplained.coordinate, curve.signal
+        ),
+        html: drawn(
+            plot,
+            layout(&label(&curve.signal, &curve.unit), &force),
+            "unexplained",
+        ),
+    }
 }
 
 /// Adds a curve, unless it is empty.

@@ -30,6 +30,9 @@ pub struct Page<'a> {
     runs: Vec<ShownRun>,
     effects: Vec<EffectText>,
     advice: &'a [String],
+    shows: &'a [String],
+    unexplained: &'a [String],
+    unexplained_figures: Vec<Figure>,
     places: Vec<Place>,
     constants: Vec<ConstantRow>,
     steps: Vec<Vec<CandidateRow>>,
@@ -110,6 +113,16 @@ impl<'a> Page<'a> {
             runs: figures::free_runs(diagnosis, curves),
             effects: diagnosis.effects.iter().map(effect).collect(),
             advice: &diagnosis.advice,
+            shows: &diagnosis.excitation.sentences,
+            unexplained: diagnosis
+                .unexplained
+                .as_ref()
+                .map_or(&[], |u| u.sentences.as_slice()),
+            unexplained_figures: diagnosis
+                .unexplained
+                .iter()
+                .map(figures::unexplained)
+                .collect(),
             places: places(diagnosis, curves),
             constants: constants(diagnosis),
             steps: diagnosis.search.iter().map(candidates).collect(),

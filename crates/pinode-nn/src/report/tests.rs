@@ -31,7 +31,7 @@ fn screened(kind: &str, target: &str, gain: f64) -> ScreenedName {
 }
 
 /// A slider whose Coulomb friction the model did not have.
-fn diagnosis(slider: &str) -> Diagnosis {
+pub(super) fn diagnosis(slider: &str) -> Diagnosis {
     let gap = |name: &str, unit: &str, before, after, noise| CoordinateGap {
         name: format!("q.{name}"),
         unit: unit.into(),
@@ -88,6 +88,11 @@ fn diagnosis(slider: &str) -> Diagnosis {
             when: (0..9).map(|k| [f64::from(k), f64::from(k)]).collect(),
             detail: "9 of 3000 samples stand alone; they are left out of all fits".into(),
         }],
+        excitation: Excitation {
+            sentences: vec!["`slider` moves from -0.2 to 0.2 m.".into()],
+            ..Excitation::default()
+        },
+        unexplained: None,
         advice: vec![format!(
             "Drive {slider} slowly both ways, with equal inputs."
         )],
@@ -147,7 +152,7 @@ fn diagnosis(slider: &str) -> Diagnosis {
 }
 
 /// A chirp that the model before runs away from, and friction against the velocity.
-fn curves(slider: &str) -> Curves {
+pub(super) fn curves(slider: &str) -> Curves {
     let run = |index: usize| {
         let start = 45.0 + index as f64;
         let t: Vec<f64> = (0..900)
@@ -190,6 +195,7 @@ fn curves(slider: &str) -> Curves {
         residuals: vec![ResidualForce {
             coordinate: slider.into(),
             unit: "N".into(),
+            run: vec![0; t.len()],
             t,
             force,
             explained_by: vec![
@@ -325,7 +331,7 @@ fn every_verdict_is_a_sentence() {
     d.verdict = Verdict::DataFault;
     assert_eq!(
         verdict_in_words(&d),
-        "The data contradict themselves: outliers in `q.pole`. No physics can be named from them."
+        "The data are at fault, not the model: outliers in `q.pole`. Without what is faulty the model explains the data."
     );
     d.verdict = Verdict::EffectsFound;
     d.effects.extend(found);

@@ -1,5 +1,6 @@
 //! Numbers and verdicts as people say them.
 
+use crate::diagnose::audit::contradicts;
 use crate::diagnose::verdict::{Diagnosis, Gap, NamedEffect, ParameterValue, Verdict};
 
 /// A name of the library without its underscores: `coulomb_friction` is "Coulomb friction".
@@ -171,21 +172,20 @@ fn unexplained(diagnosis: &Diagnosis) -> String {
 }
 
 fn data_fault(diagnosis: &Diagnosis) -> String {
-    match diagnosis.data_faults.as_slice() {
-        [] => "The data contradict themselves: no physics can be named from them.".to_owned(),
-        [first, others @ ..] => {
-            let more = match others.len() {
-                0 => String::new(),
-                1 => ", and one more fault".to_owned(),
-                n => format!(", and {n} more faults"),
-            };
-            format!(
-                "The data contradict themselves: {} in `{}`{more}. No physics can be named from them.",
-                plain(&first.kind),
-                first.column
-            )
-        }
-    }
+    let all = &diagnosis.data_faults;
+    let Some(first) = all.iter().find(|f| contradicts(f)).or(all.first()) else {
+        return "The data are at fault, not the model.".to_owned();
+    };
+    let more = match all.len() - 1 {
+        0 => String::new(),
+        1 => ", and one more fault".to_owned(),
+        n => format!(", and {n} more faults"),
+    };
+    format!(
+        "The data are at fault, not the model: {} in `{}`{more}. Without what is faulty the model explains the data.",
+        plain(&first.kind),
+        first.column
+    )
 }
 
 /// How the free-run error changed; nothing where it was not measured.

@@ -1,0 +1,109 @@
+//! Readings that are held: dropped samples repeated, or a sensor that is stuck.
+//!
+//! A mechanism that comes to rest slows down first and starts slowly again. A reading that is held repeats bit for bit, and jumps to the
+//! truth at its end: by more than the motion on either side of the hold.
+
+/// The jump at the end of a hold is at least so many times the sensor's noise …
+const JUMP: f64 = 10.0;
+/// … and so many times the largest step of the motion around it: where that goes on the same way through the hold …
+const BEYOND_MOTION: f64 = 1.6;
+/// … and where it turns round meanwhile: an encoder that hangs at the turning point of a slow swing jumps by two steps or three.
+const BEYOND_A_TURN: f64 = 4.0;
+/// So many samples on either side tell the motion around a hold.
+const AROUND: usize = 4;
+
+/// The samples of `y` that repeat the one before because the reading is held: [first, last] of each hold.
+pub fn holds(y: &[f64], noise: f64) -> Vec<[usize; 2]> {
+    // An angle that was unwrapped repeats but for rounding.
+    let same = |a: f64, b: f64| (a - b).abs() <= 1e-6 * noise;
+    let mut holds = Vec::new();
+    let mut k = 1;
+    while k < y.len() {
+        if !same(y[k], y[k - 1]) {
+            k += 1;
+            continue;
+        }
+        let first = k;
+        while k < y.len() && same(y[k], y[first - 1]) {
+            k += 1;
+        }
+        if is_held(y, first, k, noise) {
+            holds.push([first, k - 1]);
+        }
+    }
+    holds
+}
+
+/// Whether `y[first..end]`, all equal to the sample before, end with a jump that no motion makes.
+fn is_held(y: &[f64], first: usize, end: usize, noise: f64) -> bool {
+    let Some(next) = y.get(end) else {
+        return false;
+    };
+    let jump = next - y[end - 1];
+    let before = steps(y, first.saturating_sub(AROUND + 1), first);
+    let after = steps(y, end, (end + AROUND + 1).min(y.len()));
+    let (Some(&last), Some(&coming)) = (before.last(), after.first()) else {
+        return false;
+    };
+    // A single repetition is one of the many equal neighbours of a coarse sensor unless the motion goes on the same way through it.
+    let through = last * jump > 0.0 && coming * jump > 0.0;
+    let largest = before
+        .iter()
+        .chain(&after)
+        .fold(0.0_f64, |m, d| m.max(d.abs()));
+    let beyond = match through {
+        true => BEYOND_MOTION,
+        false => BEYOND_A_TURN,
+    };
+    jump.abs() > JUMP * noise && jump.abs() > beyond * largest && (through || end - first >= 3)
+}
+
+fn steps(y: &[f64], from: usize, to: usize) -> Vec<f64> {
+    let part = y.get(from..to).unwrap_or_default();
+    part.windows(2).map(|p| p[1] - p[0]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_distr::StandardNormal;
+
+    fn swing(quantum: f64, noise: f64) -> Vec<f64> {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+        (0..3000)
+            .map(|k| {
+                let e: f64 = rng.sample(StandardNormal);
+                let y = (5.0 * k as f64 * 0.02).sin() + noise * e;
+                if quantum > 0.0 {
+                    (y / quantum).round() * quantum
+                } else {
+                    y
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn dropped_samples_are_found_where_the_joint_moves() {
+        let mut y = swing(0.0, 1e-3);
+        for first in [100, 700, 1500] {
+            let held = y[first - 1];
+            y[first..first + 4].fill(held);
+        }
+        let expected = [[100, 103], [700, 703], [1500, 1503]];
+        assert_eq!(holds(&y, 1e-3), expected);
+    }
+
+    #[test]
+    fn a_coarse_sensor_and_a_joint_that_sticks_hold_nothing() {
+        let quantum = 0.02;
+        assert!(holds(&swing(quantum, 0.0), quantum / 12.0_f64.sqrt()).is_empty());
+        assert!(holds(&swing(quantum, 5e-3), 8e-3).is_empty());
+        // At rest for two seconds, then off under a constant acceleration of 5 m/s².
+        let stick: Vec<f64> = (0..300)
+            .map(|k| 2.5 * (0.02 * (k as f64 - 100.0)).max(0.0).powi(2))
+            .collect();
+        assert!(holds(&stick, 1e-6).is_empty());
+    }
+}

@@ -1,0 +1,337 @@
+//! What the log itself tells: noise and step of each sensor, outliers, held readings, the clock, starts without effect.
+
+mod blind_band;
+mod clock;
+mod excitation;
+mod held;
+mod masked;
+mod noise;
+mod outliers;
+mod second_look;
+mod start;
+mod unlogged_force;
+
+use super::smooth::unwrapped;
+use super::verdict::DataFault;
+use crate::log::{Log, Run};
+use crate::model::{Model, Velocity};
+use crate::shooting::{Channel, Observations, ObservedRun};
+
+pub use excitation::excitation;
+pub use masked::Masked;
+use noise::is_difference;
+pub use noise::{median, noise};
+pub use second_look::second_look;
+
+/// So many intervals of a fault are listed.
+const MOST_LISTED: usize = 100;
+/// Readings that scatter more than so many times the declared noise are believed, not the declaration.
+const MORE_THAN_DECLARED: f64 = 1.5;
+/// A step of the readings more than so many times the declared resolution is a fault.
+const COARSER_THAN_DECLARED: f64 = 1.5;
+/// A sensor whose range of readings has fewer steps than this is a coarse one.
+const FEWEST_STEPS: f64 = 64.0;
+
+/// Readings that are held in more than this share of the samples are a sensor's that is stuck, not a sample dropped now and then.
+const OFTEN_HELD: f64 = 0.01;
+
+/// What a log is seen to hold.
+#[derive(Debug, Clone)]
+pub struct Audited {
+    /// What was measured. Samples that are faulty by themselves do not count.
+    pub observations: Observations,
+    /// The faults.
+    pub faults: Vec<DataFault>,
+    /// Stretches that no window may touch.
+    pub masked: Masked,
+}
+
+/// The observations in a model's logs, and the faults of the data. The logs in `held_out` come last.
+pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
+    let coordinates = model.mechanics.coordinates();
+    let nv = coordinates.len();
+    let all: Vec<&Run> = logs
+        .iter()
+        .chain(held_out)
+        .flat_map(|log| &log.runs)
+        .collect();
+    // Velocities count only where they are measured everywhere, and are not differences of the positions after all.
+    let measured_velocity: Vec<usize> = (0..nv)
+        .filter(|&c| {
+            model.sensors[c].velocity == Velocity::Measured
+                && all.iter().all(|run| {
+                    run.v[c]
+                        .as_ref()
+                        .is_some_and(|v| !is_difference(&run.t, &run.q[c], v))
+                })
+        })
+        .collect();
+
+    let mut channels = Vec::new();
+    let mut columns: Vec<Vec<Vec<f64>>> = Vec::new();
+    for (c, coordinate) in coordinates.iter().enumerate() {
+        columns.push(all.iter().map(|run| run.q[c].clone()).collect());
+        channels.push(Channel {
+            coordinate: c,
+            velocity: false,
+            wraps: coordinate.wraps,
+            noise: 0.0,
+        });
+    }
+    for &c in &measured_velocity {
+        columns.push(
+            all.iter()
+                .map(|run| run.v[c].clone().unwrap_or_default())
+                .collect(),
+        );
+        channels.push(Channel {
+            coordinate: c,
+            velocity: true,
+            wraps: false,
+            noise: 0.0,
+        });
+    }
+
+    let mut faults = Vec::new();
+    let mut valid: Vec<Vec<Vec<bool>>> = Vec::new();
+    for (channel, column) in channels.iter_mut().zip(&columns) {
+        let smooth: Vec<Vec<f64>> = column
+            .iter()
+            .map(|y| {
+                if channel.wraps {
+                    unwrapped(y)
+                } else {
+                    y.clone()
+                }
+            })
+            .collect();
+        let sensor = &model.sensors[channel.coordinate];
+        let name = &coordinates[channel.coordinate].name;
+        let letter = if channel.velocity { "v" } else { "q" };
+        let column_name = format!("{letter}.{name}");
+        let unit = match channel.velocity {
+            false => coordinates[channel.coordinate].unit().to_owned(),
+            true => format!("{}/s", coordinates[channel.coordinate].unit()),
+        };
+        let seen_step = (!channel.velocity)
+            .then(|| noise::quantum(&smooth))
+            .flatten();
+        faults.extend(step_fault(
+            &smooth,
+            sensor.resolution,
+            seen_step,
+            (&column_name, &unit),
+        ));
+        let declared_step = sensor.resolution.unwrap_or(0.0);
+        let coarser = |&step: &f64| step > COARSER_THAN_DECLARED * declared_step;
+        let step = seen_step.filter(coarser).unwrap_or(declared_step);
+        let quantum = step / 12.0_f64.sqrt();
+        let declared = sensor.position_noise.filter(|_| !channel.velocity);
+        let seen = noise(&smooth);
+        channel.noise = match declared {
+            Some(declared) if seen <= MORE_THAN_DECLARED * declared => declared.hypot(quantum),
+            Some(declared) => {
+                faults.push(DataFault {
+                    kind: "noise".into(),
+                    column: column_name.clone(),
+                    when: Vec::new(),
+                    detail: format!(
+                        "the readings scatter by {seen:.2e} {}, the model declares {declared:.2e}; the scatter is taken",
+                        unit
+                    ),
+                });
+                seen
+            }
+            None => seen.max(quantum),
+        };
+        if channel.noise == 0.0 {
+            // A sensor without noise does not exist; a simulated log may have none. The middle nine tenths tell the range.
+            let mut sorted: Vec<f64> = smooth.iter().flatten().copied().collect();
+            sorted.sort_by(f64::total_cmp);
+            let at = |share: usize| {
+                sorted
+                    .get(sorted.len() * share / 20)
+                    .copied()
+                    .unwrap_or(0.0)
+            };
+            channel.noise = 1e-7 * (at(19) - at(1)).max(1e-9);
+        }
+        let holds: Vec<Vec<[usize; 2]>> = smooth
+            .iter()
+            .map(|y| held::holds(y, channel.noise))
+            .collect();
+        let mut marked: Vec<Vec<bool>> = smooth
+            .iter()
+            .zip(&holds)
+            .map(|(y, holds)| {
+                let mut valid = outliers::without_outliers(y, channel.noise);
+                // A jump at the end of a hold is no reading that stands alone.
+                for &[first, last] in holds {
+                    let end = (last + 3).min(valid.len());
+                    valid[first.saturating_sub(2)..end].fill(true);
+                }
+                valid
+            })
+            .collect();
+        let when: Vec<[f64; 2]> = all
+            .iter()
+            .zip(&marked)
+            .flat_map(|(run, marks)| {
+                let times = marks.iter().enumerate().filter(|(_, valid)| !**valid);
+                times.map(|(k, _)| [run.t[k], run.t[k]]).collect::<Vec<_>>()
+            })
+            .collect();
+        if !when.is_empty() {
+            faults.push(DataFault {
+                kind: "outliers".into(),
+                column: column_name.clone(),
+                detail: format!(
+                    "{} of {} samples stand alone, far from both neighbours; they are left out of all fits",
+                    when.len(),
+                    smooth.iter().map(Vec::len).sum::<usize>()
+                ),
+                when: when.into_iter().take(MOST_LISTED).collect(),
+            });
+        }
+        faults.extend(hold_fault(&all, &holds, &mut marked, column_name));
+        valid.push(marked);
+    }
+    let mut masked = Masked::none(all.len());
+    faults.extend(clock::clock_faults(&all, &mut masked));
+    let starts = start::dead_starts(model, &all, &channels, &mut faults);
+
+    let runs = all
+        .iter()
+        .enumerate()
+        .map(|(r, run)| {
+            let from = starts[r];
+            ObservedRun {
+                t: run.t[from..].to_vec(),
+                u: run.u.iter().map(|u| u[from..].to_vec()).collect(),
+                y: columns
+                    .iter()
+                    .map(|column| column[r][from..].to_vec())
+                    .collect(),
+                valid: valid
+                    .iter()
+                    .map(|marks| marks[r][from..].to_vec())
+                    .collect(),
+            }
+        })
+        .collect();
+    Audited {
+        observations: Observations { channels, runs },
+        faults,
+        masked,
+    }
+}
+
+/// Whether a fault is one that no model of the mechanism could explain, and not the odd bad reading that every log has.
+pub fn contradicts(fault: &DataFault) -> bool {
+    ["dead_start", "blind_zone", "unlogged_force", "stuck"].contains(&fault.kind.as_str())
+}
+
+/// A sensor that reads in coarser steps than declared, or in so coarse ones that little of the motion is left.
+fn step_fault(
+    smooth: &[Vec<f64>],
+    declared: Option<f64>,
+    seen: Option<f64>,
+    (column, unit): (&str, &str),
+) -> Option<DataFault> {
+    let seen = seen?;
+    let all = || smooth.iter().flatten().copied();
+    let range = all().fold(f64::NEG_INFINITY, f64::max) - all().fold(f64::INFINITY, f64::min);
+    let detail = match declared {
+        Some(declared) if seen > COARSER_THAN_DECLARED * declared => format!(
+            "the readings come in steps of {seen:.3e} {unit}, the model declares {declared:.3e}; the steps are taken"
+        ),
+        None if range < FEWEST_STEPS * seen => format!(
+            "the readings come in steps of {seen:.3e} {unit}, {:.0} over their whole range; what moves less cannot be seen",
+            range / seen
+        ),
+        _ => return None,
+    };
+    Some(DataFault {
+        kind: "quantum".into(),
+        column: column.to_owned(),
+        when: Vec::new(),
+        detail,
+    })
+}
+
+/// Readings that are held: `dropped_samples`, or `stuck` where they are many. They are marked as not valid.
+fn hold_fault(
+    runs: &[&Run],
+    holds: &[Vec<[usize; 2]>],
+    marked: &mut [Vec<bool>],
+    column: String,
+) -> Option<DataFault> {
+    let mut when = Vec::new();
+    let mut samples = 0;
+    for ((run, holds), marks) in runs.iter().zip(holds).zip(marked) {
+        for &[first, last] in holds {
+            when.push([run.t[first], run.t[last]]);
+            samples += last + 1 - first;
+            marks[first..=last].fill(false);
+        }
+    }
+    let all = runs.iter().map(|run| run.len()).sum::<usize>();
+    let often = samples as f64 > OFTEN_HELD * all as f64;
+    (!when.is_empty()).then(|| DataFault {
+        kind: if often { "stuck" } else { "dropped_samples" }.into(),
+        column,
+        detail: format!(
+            "{samples} of {all} samples repeat the one before while the joint moves, {} times, and jump afterwards; they are left out of \
+             all fits",
+            when.len()
+        ),
+        when: when.into_iter().take(MOST_LISTED).collect(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use std::path::Path;
+
+    use super::*;
+
+    /// The faults of a published recording; `None`, loudly, where it is not.
+    fn faults(name: &str) -> Option<Vec<DataFault>> {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        let beside = root.join("../shared/data").display().to_string();
+        let folder = std::env::var("PINODE_DATA").unwrap_or(beside);
+        let path = Path::new(&folder).join(name).join("data.csv");
+        if !path.exists() {
+            eprintln!("SKIPPED: no recording at {}", path.display());
+            return None;
+        }
+        let model = root.join(format!("models/{name}/{name}.toml"));
+        let model = Model::load(&model).unwrap();
+        let log = Log::read(&path, &model).unwrap();
+        Some(audit(&model, &[log], &[]).faults)
+    }
+
+    #[test]
+    fn healthy_recordings_have_readings_that_stand_alone_at_most() {
+        for name in ["emps", "silverbox", "map_single_pendulum"] {
+            for fault in faults(name).unwrap_or_default() {
+                assert_eq!(fault.kind, "outliers", "{name}: {fault:?}");
+            }
+        }
+    }
+
+    /// Its voltage has no effect until t = 0.55 s or so, in every one of ten recordings.
+    #[test]
+    fn the_dead_start_of_a_real_cart_is_found_with_its_times() {
+        let Some(faults) = faults("quanser_cartpole") else {
+            return;
+        };
+        let dead = faults.iter().find(|f| f.kind == "dead_start").unwrap();
+        assert_eq!((dead.column.as_str(), dead.when.len()), ("u.motor", 10));
+        for &[from, to] in &dead.when {
+            assert!(from == 0.0 && (0.4..0.7).contains(&to), "{dead:?}");
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! Noise of the sensors, from their readings alone.
+
+/// Noise of a sensor, from its readings alone: 1.4826 · median |Δᵐ y| / √(2m choose m), the smaller of m = 4 and m = 6. Differences
+/// of that order remove the motion; what is left of a fast one makes the lower order the larger.
+pub fn noise(runs: &[Vec<f64>]) -> f64 {
+    let of_order = |m: usize, binomial: f64| {
+        let mut size: Vec<f64> = Vec::new();
+        for run in runs {
+            let mut d = run.clone();
+            for _ in 0..m {
+                d = d.windows(2).map(|p| p[1] - p[0]).collect();
+            }
+            size.extend(d.into_iter().map(f64::abs));
+        }
+        1.4826 * median(&mut size) / binomial.sqrt()
+    };
+    of_order(4, 70.0).min(of_order(6, 924.0))
+}
+
+pub fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Whether `v` is the backward difference of `q`, to rounding of a decimal log.
+pub fn is_difference(t: &[f64], q: &[f64], v: &[f64]) -> bool {
+    let mut agree = 0;
+    let mut moving = 0;
+    for k in 1..t.len() {
+        let d = (q[k] - q[k - 1]) / (t[k] - t[k - 1]);
+        if d != 0.0 {
+            moving += 1;
+            agree += usize::from((d - v[k]).abs() <= 1e-3 * d.abs());
+        }
+    }
+    moving > 0 && agree * 10 > moving * 9
+}
+
+/// The step in which a sensor reads, if its readings stand on a grid: all small differences of neighbours are multiples of the least.
+/// Rounding of a decimal log, far below the usual difference, does not count.
+pub fn quantum(runs: &[Vec<f64>]) -> Option<f64> {
+    let mut steps: Vec<f64> = runs
+        .iter()
+        .flat_map(|y| y.windows(2).map(|p| (p[1] - p[0]).abs()))
+        .filter(|d| *d > 0.0)
+        .collect();
+    let usual = median(&mut steps);
+    let least = steps.iter().copied().find(|d| *d > 0.02 * usual)?;
+    let small: Vec<f64> = steps
+        .iter()
+        .copied()
+        .filter(|d| *d > 0.5 * least && *d < 20.5 * least)
+        .collect();
+    let on_grid = small.iter().filter(|d| {
+        let ratio = *d / least;
+        (ratio - ratio.round()).abs() < 0.05
+    });
+    let enough = small.len() >= 50 && 50 * on_grid.count() >= 49 * small.len();
+    enough.then_some(least)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, Normal};
+
+    #[test]
+    fn noise_is_found_under_motion() {
+        let normal = Normal::new(0.0, 1e-3).unwrap();
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+        let y: Vec<f64> = (0..3000)
+            .map(|k| 0.2 * (5.0 * k as f64 * 0.02).sin() + normal.sample(&mut rng))
+            .collect();
+        let found = noise(&[y]);
+        assert!((found / 1e-3 - 1.0).abs() < 0.1, "{found}");
+    }
+
+    #[test]
+    fn velocities_that_are_differences_are_recognised() {
+        let t: Vec<f64> = (0..50).map(|k| k as f64 * 0.02).collect();
+        let q: Vec<f64> = t.iter().map(|t| (3.0 * t).sin()).collect();
+        let mut v = vec![0.0];
+        v.extend((1..50).map(|k| (q[k] - q[k - 1]) / 0.02));
+        assert!(is_difference(&t, &q, &v));
+        let true_v: Vec<f64> = t.iter().map(|t| 3.0 * (3.0 * t).cos()).collect();
+        assert!(!is_difference(&t, &q, &true_v));
+    }
+
+    #[test]
+    fn the_step_of_an_encoder_is_found_and_noise_has_none() {
+        let step = 2.0 * std::f64::consts::PI / 1024.0;
+        let swing: Vec<f64> = (0..2000).map(|k| (0.06 * k as f64).sin()).collect();
+        // As a decimal log prints it.
+        let read = |y: f64| ((y / step).round() * step * 1e7).round() / 1e7;
+        let found = quantum(&[swing.iter().map(|&y| read(y)).collect()]).unwrap();
+        assert!((found / step - 1.0).abs() < 1e-3, "{found}");
+        let normal = Normal::new(0.0, 1e-3).unwrap();
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(4);
+        let noisy = swing.iter().map(|y| y + normal.sample(&mut rng)).collect();
+        assert_eq!(quantum(&[noisy]), None);
+    }
+}

@@ -1,0 +1,188 @@
+//! Forces that are at work and not in the log: hands.
+//!
+//! They show in one stretch of time, or two, while the same positions, velocities and inputs at other times do without them.
+
+use super::super::curves::ResidualForce;
+use super::super::study::Study;
+use super::super::verdict::DataFault;
+use super::second_look::{Look, Residual, Residuals, quantile, robust};
+
+/// Windows whose residuals are so many times the noise, and so many times those of three windows in four, are disturbed …
+const DISTURBED: (f64, f64) = (5.0, 4.0);
+/// … in at most so many stretches of time, which hold at most this share of all windows.
+const MOST_STRETCHES: usize = 2;
+const MOST_WINDOWS: f64 = 0.15;
+/// A fifth of the residual force in a stretch exceeds so many times what 97 % of it elsewhere does not.
+const BURST: f64 = 1.5;
+/// This share of the states in a stretch occurs at other times as well.
+const KNOWN: f64 = 0.6;
+
+/// Adds the stretches in which something pushed that is not logged to `look`.
+pub fn unlogged_forces(
+    study: &Study,
+    residuals: &Residuals,
+    force: &[ResidualForce],
+    look: &mut Look,
+) {
+    let size = |lists: &Option<Vec<Vec<Residual>>>| match lists {
+        Some(lists) => lists
+            .iter()
+            .map(|list| robust(list.iter().map(|x| x.size)))
+            .fold(0.0, f64::max),
+        None => f64::INFINITY,
+    };
+    let sizes: Vec<f64> = residuals.sizes.iter().map(size).collect();
+    let limit = DISTURBED.0.max(DISTURBED.1 * quantile(sizes.clone(), 0.75));
+    let observations = &study.observations;
+    let mut disturbed: Vec<(usize, [f64; 2])> = residuals
+        .windows
+        .iter()
+        .zip(&sizes)
+        .filter(|(_, size)| **size > limit)
+        .map(|(w, _)| {
+            let t = &observations.runs[w.run].t;
+            (w.run, [t[w.first], t[w.first + w.count - 1]])
+        })
+        .collect();
+    if disturbed.is_empty() || disturbed.len() as f64 > MOST_WINDOWS * sizes.len() as f64 {
+        return;
+    }
+    disturbed.sort_by(|a, b| a.0.cmp(&b.0).then(a.1[0].total_cmp(&b.1[0])));
+    let mut stretches: Vec<(usize, [f64; 2])> = Vec::new();
+    for (run, [a, b]) in disturbed {
+        match stretches.last_mut() {
+            Some((r, stretch)) if *r == run && a - stretch[1] < b - a => stretch[1] = b,
+            _ => stretches.push((run, [a, b])),
+        }
+    }
+    if stretches.len() > MOST_STRETCHES {
+        return;
+    }
+    let bursts: Option<Vec<Burst>> = stretches
+        .iter()
+        .map(|stretch| Burst::of(stretch, &stretches, force))
+        .collect();
+    // What is not understood everywhere is not called a fault anywhere.
+    let Some(bursts) = bursts else {
+        return;
+    };
+    if !bursts.iter().all(|burst| burst.is_known(study, &stretches)) {
+        return;
+    }
+    for burst in bursts {
+        let force = &force[burst.place];
+        look.masked.add(burst.run, burst.when);
+        look.faults.push(DataFault {
+            kind: "unlogged_force".into(),
+            column: format!("q.{}", force.coordinate),
+            when: vec![burst.when],
+            detail: format!(
+                "in this stretch alone a force of up to {:.2} {unit} on `{}` is missing ({:.1} times what is usual), in states that at \
+                 other times do without it: something pushed that is not in the log; the stretch is left out of all fits",
+                burst.peak,
+                force.coordinate,
+                burst.peak / burst.usual,
+                unit = force.unit
+            ),
+        });
+    }
+}
+
+/// A burst of residual force.
+struct Burst {
+    run: usize,
+    /// Index of the residual force.
+    place: usize,
+    /// Its coordinate's stretch of time, s.
+    when: [f64; 2],
+    /// The largest force in it, and what 97 % of the force elsewhere does not exceed.
+    peak: f64,
+    usual: f64,
+}
+
+impl Burst {
+    fn of(
+        &(run, [from, to]): &(usize, [f64; 2]),
+        all: &[(usize, [f64; 2])],
+        force: &[ResidualForce],
+    ) -> Option<Self> {
+        let place = |r: &ResidualForce, k: usize| (r.run[k], r.t[k]);
+        let within = |at: (usize, f64)| at.0 == run && (from..=to).contains(&at.1);
+        let elsewhere = |at: (usize, f64)| {
+            let inside = |&(run, [a, b]): &(usize, [f64; 2])| at.0 == run && a <= at.1 && at.1 <= b;
+            !all.iter().any(inside)
+        };
+        let sizes = |r: &ResidualForce, chosen: &dyn Fn((usize, f64)) -> bool| -> Vec<f64> {
+            (0..r.t.len())
+                .filter(|&k| chosen(place(r, k)))
+                .map(|k| r.force[k].abs())
+                .collect()
+        };
+        let (usual, index) = force
+            .iter()
+            .enumerate()
+            .map(|(index, r)| {
+                let usual = quantile(sizes(r, &elsewhere), 0.97).max(f64::MIN_POSITIVE);
+                (quantile(sizes(r, &within), 0.8) / usual, usual, index)
+            })
+            .filter(|(ratio, ..)| *ratio > BURST)
+            .max_by(|a, b| a.0.total_cmp(&b.0))
+            .map(|(_, usual, index)| (usual, index))?;
+        let r = &force[index];
+        let mut strong =
+            (0..r.t.len()).filter(|&k| within(place(r, k)) && r.force[k].abs() > usual);
+        let first = strong.next()?;
+        let last = strong.next_back().unwrap_or(first);
+        let spacing =
+            r.t.windows(2)
+                .map(|t| t[1] - t[0])
+                .fold(f64::INFINITY, |m, d| if d > 0.0 { m.min(d) } else { m });
+        // The local fit behind the force reaches a few samples to either side.
+        let reach = 4.0 * spacing;
+        Some(Burst {
+            run,
+            place: index,
+            when: [(r.t[first] - reach).max(from), (r.t[last] + reach).min(to)],
+            peak: sizes(r, &within).into_iter().fold(0.0, f64::max),
+            usual,
+        })
+    }
+
+    /// Whether most of the states in it occur at other times too, near in position, velocity and input.
+    fn is_known(&self, study: &Study, stretches: &[(usize, [f64; 2])]) -> bool {
+        // Every coordinate's position and velocity, and every input, in units of what counts as near.
+        let near = |run: usize, k: usize| -> Vec<f64> {
+            let smooth = &study.smoothed[run];
+            let scales = study.scales.iter().enumerate();
+            let mut at: Vec<f64> = scales
+                .flat_map(|(c, s)| {
+                    let q = smooth.q[c][k] / (0.3 * s.reach);
+                    [q, smooth.v[c][k] / (0.4 * s.speed)]
+                })
+                .collect();
+            let input = study.scales.iter().map(|s| s.input).fold(0.0, f64::max);
+            let inputs = study.observations.runs[run].u.iter();
+            at.extend(inputs.map(|u| u[k] / input.max(f64::MIN_POSITIVE)));
+            at
+        };
+        let (mut inside, mut outside) = (Vec::new(), Vec::new());
+        for (run, recording) in study.observations.runs.iter().enumerate() {
+            for (k, &t) in recording.t.iter().enumerate() {
+                if run == self.run && self.when[0] <= t && t <= self.when[1] {
+                    inside.push(near(run, k));
+                } else if !stretches
+                    .iter()
+                    .any(|&(r, [a, b])| r == run && a <= t && t <= b)
+                {
+                    outside.push(near(run, k));
+                }
+            }
+        }
+        let is_near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1.0);
+        let known = inside
+            .iter()
+            .filter(|a| outside.iter().any(|b| is_near(a, b)))
+            .count();
+        known as f64 >= KNOWN * inside.len().max(1) as f64
+    }
+}

@@ -1,0 +1,76 @@
+//! What signals explain of a force, over quantile bins of theirs.
+
+/// For each sample the quantile bin of a signal, of `bins`.
+pub fn binned(values: &[f64], bins: usize) -> Vec<usize> {
+    let n = values.len();
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
+    let mut bin = vec![0; n];
+    for (rank, &k) in order.iter().enumerate() {
+        bin[k] = rank * bins / n.max(1);
+    }
+    bin
+}
+
+/// Mean of `force` in the cells of the signals' bins; cells with one sample have none. The number of cells that are used comes with it.
+pub fn cell_means(force: &[f64], signals: &[&[f64]], bins: usize) -> (Vec<Option<f64>>, usize) {
+    let mut cell = vec![0_usize; force.len()];
+    for values in signals {
+        for (cell, bin) in cell.iter_mut().zip(binned(values, bins)) {
+            *cell = *cell * bins + bin;
+        }
+    }
+    let cells = bins.pow(signals.len() as u32);
+    let mut sums = vec![(0.0, 0_usize); cells];
+    for (&cell, f) in cell.iter().zip(force) {
+        sums[cell].0 += f;
+        sums[cell].1 += 1;
+    }
+    let used = sums.iter().filter(|s| s.1 > 1).count();
+    let mean = |&cell: &usize| {
+        let (sum, n) = sums[cell];
+        (n > 1).then(|| sum / n as f64)
+    };
+    (cell.iter().map(mean).collect(), used)
+}
+
+/// Adjusted share of the variance that bins of these signals explain together.
+pub fn explained_by(force: &[f64], signals: &[&[f64]], bins: usize) -> f64 {
+    let (means, cells) = cell_means(force, signals, bins);
+    let there: Vec<(f64, f64)> = force
+        .iter()
+        .zip(&means)
+        .filter_map(|(&f, mean)| Some((f, (*mean)?)))
+        .collect();
+    let n = there.len();
+    if n <= cells + 1 {
+        return 0.0;
+    }
+    let mean = there.iter().map(|p| p.0).sum::<f64>() / n as f64;
+    let total: f64 = there.iter().map(|p| (p.0 - mean).powi(2)).sum();
+    let rest: f64 = there.iter().map(|p| (p.0 - p.1).powi(2)).sum();
+    let ratio = (rest / (n - cells) as f64) / (total / (n - 1) as f64).max(1e-300);
+    (1.0 - ratio).max(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pseudo(k: usize, salt: f64) -> f64 {
+        let x = ((k as f64 + salt) * 12.9898).sin() * 43758.5453;
+        2.0 * (x - x.floor()) - 1.0
+    }
+
+    #[test]
+    fn a_signal_that_says_nothing_explains_nothing_however_many_bins_there_are() {
+        let force: Vec<f64> = (0..2000).map(|k| pseudo(k, 0.1)).collect();
+        let (a, b): (Vec<f64>, Vec<f64>) =
+            (0..2000).map(|k| (pseudo(k, 0.5), pseudo(k, 0.7))).unzip();
+        assert!(explained_by(&force, &[&a], 12) < 0.02);
+        assert!(explained_by(&force, &[&a, &b], 8) < 0.04);
+        let product: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a * b).collect();
+        assert!(explained_by(&product, &[&a], 12) < 0.1);
+        assert!(explained_by(&product, &[&a, &b], 8) > 0.8);
+    }
+}
