@@ -51,4 +51,6 @@ pub(crate) fn render(
 }
 
 #[cfg(test)]
+mod browser_tests;
+#[cfg(test)]
 mod tests;
