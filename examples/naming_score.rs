@@ -80,7 +80,7 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     let done = match cli.table.as_slice() {
         [] => score(&cli),
-        files => read_all(files).map(|lines| print!("{}", tables(&lines))),
+        files => read_all(files).map(|lines| say(&tables(&lines))),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
@@ -123,13 +123,13 @@ fn score(cli: &Cli) -> Result<(), Box<dyn Error>> {
     let jobs = jobs.min(cases.len());
     let models = cli.models.clone().unwrap_or_else(models);
     let (next, (sender, done)) = (AtomicUsize::new(0), mpsc::channel());
-    std::thread::scope(|scope| {
+    let failed = std::thread::scope(|scope| {
         for _ in 0..jobs {
             let (sender, cases, next, models) = (sender.clone(), &cases, &next, &models);
             scope.spawn(move || {
                 while let Some(case) = cases.get(next.fetch_add(1, Ordering::Relaxed)) {
                     let line = one(case, models, usize::from(cli.threads), jobs == 1);
-                    // Nobody listens where another log has failed: then there is nothing more to do.
+                    // Nobody listens where the file of lines cannot be written: then there is nothing more to do.
                     if sender
                         .send(line.map_err(|e| format!("{}: {e}", case.id())))
                         .is_err()
@@ -140,14 +140,21 @@ fn score(cli: &Cli) -> Result<(), Box<dyn Error>> {
             });
         }
         drop(sender);
-        let mut count = 0;
-        for line in done {
-            let line = line?;
-            count += 1;
-            println!("{count}/{} {}", cases.len(), in_words(&line));
-            lines.add(line)?;
+        let mut failed = 0;
+        for (count, line) in (1..).zip(done) {
+            match line {
+                Ok(line) => {
+                    say(&format!("{count}/{} {}", cases.len(), in_words(&line)));
+                    lines.add(line)?;
+                }
+                // A rig that cannot run leaves no line; the other logs do not depend on it.
+                Err(error) => {
+                    eprintln!("error: {error}");
+                    failed += 1;
+                }
+            }
         }
-        Ok::<(), Box<dyn Error>>(())
+        Ok::<usize, Box<dyn Error>>(failed)
     })?;
     let ids: BTreeSet<String> = all.iter().map(Case::id).collect();
     let scored: Vec<Line> = lines
@@ -155,8 +162,16 @@ fn score(cli: &Cli) -> Result<(), Box<dyn Error>> {
         .into_iter()
         .filter(|line| ids.contains(&line.id))
         .collect();
-    println!("\n{}", tables(&scored));
-    Ok(())
+    say(&format!("\n{}", tables(&scored)));
+    match failed {
+        0 => Ok(()),
+        n => Err(format!("{n} of {} logs could not be made", cases.len()).into()),
+    }
+}
+
+/// A line on stdout; a long run does not end because nobody reads it any more.
+fn say(text: &str) {
+    let _ = writeln!(std::io::stdout(), "{text}");
 }
 
 /// A log on its own threads, with a folder that is gone afterwards.
