@@ -163,3 +163,28 @@ fn the_model_of_the_user_lacks_the_hidden_friction_alone() {
     let stribeck = bench.draw(3, 1).unwrap();
     assert_eq!(effects(&Some(stribeck), "law"), all);
 }
+
+#[test]
+fn what_delays_the_torques_leaves_the_controllers_stable() {
+    let late = ["input_delay", "actuator_lag", "elastic_transmission"];
+    for bench in [furuta(), arm()] {
+        for (index, kind) in KINDS.iter().enumerate() {
+            if !late.contains(kind) {
+                continue;
+            }
+            for seed in 1..9 {
+                let fault = bench.draw(index, seed).unwrap();
+                let log = bench
+                    .run(&Some(fault.clone()), NoiseLevel::Low, 10.0, seed)
+                    .unwrap_or_else(|error| panic!("{fault:?}: {error}"));
+                // The driven joints stay about their middles: 0.64 or 1.28 rad are asked for at most.
+                let driven = if bench.centres().len() == 2 { 1 } else { 7 };
+                for row in &log.q {
+                    for (q, centre) in row.iter().zip(bench.centres()).take(driven) {
+                        assert!((q - centre).abs() < 1.6, "{fault:?}: {q} rad");
+                    }
+                }
+            }
+        }
+    }
+}

@@ -211,6 +211,13 @@ impl Bench {
         Fault::draw(self, kind, seed)
     }
 
+    /// The inertia of a joint in the middle of the motion, the others held, kg·m².
+    pub(super) fn inertia(&self, joint: usize) -> Result<f64, Error> {
+        let at_rest = |source| Error::Mechanics { time: 0.0, source };
+        let mass = self.mechanics.mass_matrix(&self.centres());
+        Ok(mass.map_err(at_rest)?[(joint, joint)])
+    }
+
     /// The torque of an input that it exceeds in a twentieth of a recording with this seed and without a fault, N·m.
     pub(super) fn large_input(&self, input: usize, seed: u64) -> Result<f64, Error> {
         let log = self.run(&None, NoiseLevel::Low, 20.0, seed)?;
@@ -269,7 +276,10 @@ impl Bench {
         }
         let controller = Controller::new(self, &mut random(1));
         let start = self.centres();
-        let mut motion = Motion::new(self, forces, &drives, start)?;
+        let string = fault
+            .as_ref()
+            .and_then(|fault| Some((fault.target, fault.string()?)));
+        let mut motion = Motion::new(self, forces, (&drives, string), start)?;
         let mut noise = random(2);
         let interval = 1.0 / RATE;
         let rows = (duration * RATE).round().max(1.0) as usize;

@@ -1,15 +1,17 @@
 //! What such a rig hides: one effect of a kind of the library on one of its joints or inputs.
 
+use std::f64::consts::TAU;
+
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::Bench;
 use crate::config::Range;
 use crate::rig::Error;
-use crate::rig::effects::{Drive, DryFriction, JointForces};
+use crate::rig::effects::{Drive, DryFriction, ElasticString, JointForces};
 
 /// The kinds that are hidden in turn.
-pub const KINDS: [&str; 13] = [
+pub const KINDS: [&str; 14] = [
     "viscous_friction",
     "coulomb_friction",
     "asymmetric_coulomb_friction",
@@ -23,6 +25,7 @@ pub const KINDS: [&str; 13] = [
     "actuator_lag",
     "input_dead_zone",
     "input_saturation",
+    "elastic_transmission",
 ];
 
 /// A hidden effect.
@@ -39,7 +42,8 @@ pub struct Fault {
 impl Fault {
     /// Whether it sits on an input.
     pub fn is_of_the_drive(&self) -> bool {
-        self.kind.starts_with("input_") || self.kind == "actuator_lag"
+        self.kind.starts_with("input_")
+            || ["actuator_lag", "elastic_transmission"].contains(&self.kind)
     }
 
     /// A parameter; 0 for one that it has not.
@@ -76,6 +80,17 @@ impl Fault {
         }
     }
 
+    /// The string between its motor and the joint, if that is what it is.
+    pub(super) fn string(&self) -> Option<ElasticString> {
+        (self.kind == "elastic_transmission").then(|| ElasticString {
+            stiffness: self.get("stiffness"),
+            damping: self.get("damping"),
+            motor_inertia: self.get("motor_inertia"),
+            hardening: 0.0,
+            free_play: 0.0,
+        })
+    }
+
     /// Puts it on its input.
     pub(super) fn on_drive(&self, drive: &mut Drive) {
         match self.kind {
@@ -106,11 +121,11 @@ impl Fault {
             bench.joints.len()
         };
         fault.target = rng.random_range(0..targets.max(1));
-        let joint = match drive {
+        let joint_index = match drive {
             true => bench.inputs.get(fault.target).map_or(0, |i| i.joint),
             false => fault.target,
         };
-        let Some(joint) = bench.joints.get(joint) else {
+        let Some(joint) = bench.joints.get(joint_index) else {
             return Ok(fault);
         };
         let mut size = |[from, to]: Range| rng.random_range(from..=to);
@@ -141,6 +156,16 @@ impl Fault {
             "input_delay" => vec![("delay", size([0.01, 0.04]))],
             "actuator_lag" => vec![("time_constant", size([0.01, 0.04]))],
             "input_dead_zone" => vec![("width", size([0.5, 1.2]) * force)],
+            "elastic_transmission" => {
+                let mass = bench.inertia(joint_index)?;
+                let (rate, ratio) = (TAU * size([8.0, 14.0]), size([0.1, 0.25]));
+                let inertia = size([0.1, 0.3]) * mass;
+                vec![
+                    ("stiffness", inertia * rate * rate),
+                    ("damping", 2.0 * ratio * inertia * rate),
+                    ("motor_inertia", inertia),
+                ]
+            }
             _ => vec![(
                 "limit",
                 size([0.6, 0.9]) * bench.large_input(fault.target, seed)?,

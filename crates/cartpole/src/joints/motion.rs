@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::Bench;
 use crate::rig::Error;
-use crate::rig::effects::{Drive, DryFriction, JointForces};
+use crate::rig::effects::{Drive, DryFriction, ElasticString, JointForces};
 
 /// The dry friction of one joint.
 struct OfJoint {
@@ -35,6 +35,14 @@ struct Lag {
     time_constant: f64,
 }
 
+/// A motor that pulls its joint by a string: its coordinate and its joint.
+#[derive(Debug, Clone, Copy)]
+struct Rotor {
+    coordinate: usize,
+    joint: usize,
+    string: ElasticString,
+}
+
 /// The mechanism without its dry friction. The inputs are what arrives at each joint, N·m; at a lagging motor's, what arrives there.
 struct Smooth {
     positions: Flat,
@@ -42,6 +50,7 @@ struct Smooth {
     constants: Vec<f64>,
     joints: Vec<JointForces>,
     lag: Option<Lag>,
+    rotor: Option<Rotor>,
 }
 
 /// Scratch memory of one thread.
@@ -81,7 +90,7 @@ impl ContactSystem for Smooth {
     ) -> Result<(), Infallible> {
         let n = self.joints.len();
         let (p, work) = (&self.constants, &mut memory.work);
-        let (q, v_joints) = (&q[..n], &v[..n]);
+        let (q_all, q, v_joints) = (q, &q[..n], &v[..n]);
         self.mechanics
             .mass_matrix_into(q, p, work, &mut memory.mass);
         self.mechanics
@@ -101,6 +110,17 @@ impl ContactSystem for Smooth {
             mass[(c, c)] = 1.0;
             total[c] = (arriving[joint] - v[c]) / time_constant;
         }
+        if let Some(rotor) = self.rotor {
+            let Rotor {
+                coordinate: c,
+                joint,
+                string,
+            } = rotor;
+            let pull = string.pull(q_all[c] - q[joint], v[c] - v[joint]);
+            total[joint] += pull - arriving[joint];
+            mass[(c, c)] = string.motor_inertia;
+            total[c] = arriving[joint] - pull;
+        }
         Ok(())
     }
 }
@@ -117,11 +137,12 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// At rest at `start`; the force of a lagging motor is then the weight that it holds.
+    /// At rest at `start`; the force of a lagging motor and the pull of a string, between the input with its index and its joint, are then
+    /// the weight that they hold.
     pub fn new(
         bench: &Bench,
         joints: Vec<JointForces>,
-        drives: &[Drive],
+        (drives, string): (&[Drive], Option<(usize, ElasticString)>),
         start: Vec<f64>,
     ) -> Result<Self, Error> {
         let n = joints.len();
@@ -135,13 +156,24 @@ impl Motion {
                 joint,
                 time_constant,
             });
-        let coordinates = n + usize::from(lag.is_some());
+        let rotor = string.and_then(|(input, string)| {
+            Some(Rotor {
+                coordinate: n + usize::from(lag.is_some()),
+                joint: bench.inputs.get(input)?.joint,
+                string,
+            })
+        });
+        let coordinates = n + usize::from(lag.is_some()) + usize::from(rotor.is_some());
         let at_rest = |source| Error::Mechanics { time: 0.0, source };
         let weight = bench.mechanics.gravity_force(&start).map_err(at_rest)?;
         let mut x = vec![0.0; 2 * coordinates];
         x[..n].copy_from_slice(&start);
         if let Some(lag) = lag {
             x[coordinates + lag.coordinate] = weight[lag.joint];
+        }
+        if let Some(rotor) = rotor {
+            let stretch = weight[rotor.joint] / rotor.string.stiffness;
+            x[rotor.coordinate] = start[rotor.joint] + stretch;
         }
         let laws = joints
             .iter()
@@ -163,6 +195,7 @@ impl Motion {
             mechanics: bench.mechanics.clone(),
             joints,
             lag,
+            rotor,
         };
         let stepper = EventStepper::new(&smooth, laws).map_err(Error::Motion)?;
         Ok(Motion {
@@ -248,7 +281,7 @@ mod tests {
 
     fn motion(bench: &Bench, drive: Drive) -> Motion {
         let free = vec![JointForces::default(); 2];
-        Motion::new(bench, free, &[drive], vec![0.0, 0.0]).unwrap()
+        Motion::new(bench, free, (&[drive], None), vec![0.0, 0.0]).unwrap()
     }
 
     #[test]
@@ -290,5 +323,34 @@ mod tests {
         let momentum = bench.mechanics.momentum(q, v).unwrap();
         let impulse = torque * (t - lag * (1.0 - (-t / lag).exp()));
         approx::assert_relative_eq!(momentum[0], impulse, max_relative = 1e-6);
+    }
+
+    #[test]
+    fn a_motor_on_a_string_swings_against_the_arm_and_keeps_the_momentum() {
+        let bench = furuta();
+        let inertia = 5e-4;
+        let string = ElasticString {
+            stiffness: 2.0,
+            damping: 0.0,
+            motor_inertia: inertia,
+            hardening: 0.0,
+            free_play: 0.0,
+        };
+        let free = vec![JointForces::default(); 2];
+        let drive = Drive::default();
+        let start = vec![0.0, 0.0];
+        let mut motion = Motion::new(&bench, free, (&[drive], Some((0, string))), start).unwrap();
+        // A torque so small that the pendulum stays where it hangs: all of it is momentum about the vertical.
+        let (torque, t) = (1e-6, 0.2);
+        for _ in 0..10 {
+            motion
+                .advance(&[drive], &[vec![torque]], 0.02, 1e-4)
+                .unwrap();
+        }
+        let (q, v) = motion.state();
+        let (rotor, rate) = (motion.x[2], motion.x[5]);
+        let momentum = bench.mechanics.momentum(q, v).unwrap()[0] + inertia * rate;
+        approx::assert_relative_eq!(momentum, torque * t, max_relative = 1e-6);
+        assert!((rotor - q[0]).abs() > 1e-8, "the string is stretched");
     }
 }
