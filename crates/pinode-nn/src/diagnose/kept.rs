@@ -3,6 +3,8 @@
 //! A fit is a function of the data, the model, its start and its options, bit for bit. Each finished one is appended to the file under the
 //! SHA-256 of all that; the same diagnosis, begun again, does everything else afresh and takes its fits from there. What a process that
 //! is killed has half written is not read: every record carries its length and checksum.
+// Only the programs open such a file.
+#![cfg_attr(not(feature = "cli"), allow(dead_code))]
 
 use std::collections::HashMap;
 use std::fs::{File, OpenOptions};
