@@ -8,7 +8,7 @@ use super::search::{
     simpler,
 };
 use super::study::{Comparison, Fitted, Study};
-use crate::effect::{Family, Kind};
+use crate::effect::Kind;
 
 /// A found effect.
 #[derive(Clone)]
@@ -143,7 +143,10 @@ fn rivals(
     added: &[Candidate],
     k: usize,
 ) -> Vec<Contender> {
-    let screen = screen(study, reduced);
+    let with_memory = is_second_choice(added[k].kind);
+    let screen = screen(study, reduced, |kind| {
+        with_memory || !is_second_choice(kind)
+    });
     let mut own = contender(vec![added[k]], current.clone(), reduced);
     own.imitated = screen
         .ranked
@@ -154,7 +157,6 @@ fn rivals(
         .ranked
         .iter()
         .filter(|s| s.t2 > LEAST_T2.1 && s.candidate != added[k])
-        .filter(|s| !is_second_choice(s) || added[k].kind.family == Family::Memory)
         .take(3)
     {
         let mut rival = refine(study, reduced, &[(s.candidate, s.start.clone())]);

@@ -12,10 +12,10 @@ use rayon::prelude::*;
 
 use super::candidate::Candidate;
 use super::study::{Fitted, Study};
-use crate::effect::Family;
+use crate::effect::Kind;
 use crate::hybrid::{DrivenInputs, HiddenPath, Hybrid, Placed, Reading};
 use crate::shooting::problem::Problem;
-use crate::shooting::{Accumulator, Roller, Trajectory, Window};
+use crate::shooting::{Accumulator, Roller, Trajectory, Variation, Window};
 
 /// What the screen says of one candidate.
 #[derive(Debug, Clone, PartialEq)]
@@ -98,6 +98,8 @@ struct Probed {
     readings: Vec<Reading>,
     /// Where the recordings take its hidden states.
     paths: Vec<HiddenPath>,
+    /// Whether it is a force, on the states of the fitted model.
+    is_force: bool,
     /// The states of the fitted model that it has too, by their place in h.
     kept: Vec<Option<usize>>,
 }
@@ -120,10 +122,39 @@ impl Probed {
                 .collect(),
             readings: hybrid.readings(&theta, &[]),
             paths: study.hidden_paths(&hybrid, &theta, substeps),
+            is_force: column.candidate.kind.states() == 0
+                && column.candidate.kind.inertial().is_none()
+                && hybrid.nh() == fitted.hybrid.nh()
+                && substeps == fitted.substeps,
             kept: kept_states(&hybrid, &fitted.hybrid),
             hybrid,
             theta,
         })
+    }
+
+    /// Its states at the samples of a window that starts at `state` in the fitted model; whether there are any. To first order about
+    /// the fitted model's roll-out where it is but a force along it; where it has states of its own or changes the mechanics, it is
+    /// rolled out.
+    fn rolled(
+        &self,
+        (window, state): (&Window, &[f64]),
+        (states, steps): (&[f64], &Variation),
+        out: &mut Vec<f64>,
+    ) -> bool {
+        let inputs = &self.inputs[window.run];
+        if self.is_force {
+            let mut memory = self.hybrid.memory(&[]);
+            let with = (&self.hybrid, self.theta.as_slice(), inputs);
+            steps.under(states, with, &mut memory, out);
+            return out.iter().all(|x| x.is_finite());
+        }
+        let span = (window.first, window.count);
+        let start = self.start(window, state);
+        let mut trajectory = Trajectory::default();
+        let rolled =
+            Roller::new(&self.hybrid, &[]).roll(&self.theta, inputs, span, &start, &mut trajectory);
+        *out = trajectory.states;
+        rolled.is_ok()
     }
 
     /// The initial state (q, v, h) of a window that starts at `state` in the fitted model.
@@ -151,8 +182,8 @@ fn kept_states(new: &Hybrid, old: &Hybrid) -> Vec<Option<usize>> {
     kept
 }
 
-/// Screens all candidates at the fitted model.
-pub fn screen(study: &Study, fitted: &Fitted) -> Screen {
+/// Screens the candidates of the kinds that `counts` keeps at the fitted model.
+pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) -> Screen {
     let (hybrid, fit) = (&fitted.hybrid, &fitted.inside);
     let windows = &study.windows.fit;
     let channels = &study.observations.channels;
@@ -168,6 +199,7 @@ pub fn screen(study: &Study, fitted: &Fitted) -> Screen {
     );
     let columns: Vec<Column> = Candidate::all(hybrid)
         .into_iter()
+        .filter(|candidate| counts(candidate.kind))
         .filter(|candidate| !study.without.contains(&candidate.kind))
         .flat_map(|candidate| {
             let contained = candidate.contained(hybrid, &fit.theta);
@@ -201,32 +233,31 @@ pub fn screen(study: &Study, fitted: &Fitted) -> Screen {
             let span = (window.first, window.count);
             let t = &study.observations.runs[window.run].t[window.first..][..window.count];
             let mut null = Trajectory::default();
+            let mut steps = Variation::default();
             Roller::new(hybrid, &fit.free)
-                .roll_with_sensitivities(&fit.theta, &inputs[window.run], span, state, &mut null)
+                .roll_step_by_step(
+                    &fit.theta,
+                    &inputs[window.run],
+                    span,
+                    state,
+                    &mut null,
+                    &mut steps,
+                )
                 .ok()?;
             let residuals: Vec<_> = problem.residuals(window, &readings, &null.states).collect();
             // The change of what is read by each probe; nothing where it diverges.
+            let mut states = Vec::new();
             let changes: Vec<Vec<f64>> = probed
                 .iter()
                 .map(|with| {
-                    let mut out = Trajectory::default();
-                    let start = with.start(window, state);
-                    let inputs = &with.inputs[window.run];
-                    let rolled = Roller::new(&with.hybrid, &[]).roll(
-                        &with.theta,
-                        inputs,
-                        span,
-                        &start,
-                        &mut out,
-                    );
-                    if rolled.is_err() {
+                    if !with.rolled((window, state), (&null.states, &steps), &mut states) {
                         return vec![0.0; residuals.len()];
                     }
                     let sizes = (with.hybrid.nv(), with.hybrid.nx());
                     let change = residuals.iter().map(|r| {
                         let channel = &channels[r.channel];
                         let reading = &with.readings[channel.coordinate];
-                        let there = channel.predict(reading, sizes, &out.states, t, r.sample);
+                        let there = channel.predict(reading, sizes, &states, t, r.sample);
                         there.value - r.predicted.value
                     });
                     change.collect()
@@ -342,14 +373,11 @@ impl Screen {
         self.ranked = best;
     }
 
-    /// The pairs that promise most beyond the better of their members, at most `most`: effects that mask one another. Friction with a
-    /// memory takes no part.
+    /// The pairs that promise most beyond the better of their members, at most `most`: effects that mask one another.
     pub fn pairs(&self, most: usize) -> Vec<ScreenedPair> {
         let mut pairs = Vec::new();
-        let simple = |column: &&Column| column.candidate.kind.family != Family::Memory;
-        for (i, a) in self.columns.iter().enumerate().filter(|(_, a)| simple(a)) {
-            let others = self.columns.iter().enumerate().skip(i + 1);
-            for (j, b) in others.filter(|(_, b)| simple(b)) {
+        for (i, a) in self.columns.iter().enumerate() {
+            for (j, b) in self.columns.iter().enumerate().skip(i + 1) {
                 let same = a.candidate == b.candidate;
                 let rivals = a.candidate.target == b.candidate.target
                     && (a.candidate.kind.contains.contains(&b.candidate.kind.name)

@@ -3,9 +3,9 @@
 use super::candidate::Candidate;
 use super::confidence::wins;
 use super::found::{Found, prune, revisit};
-use super::screen::{Screened, ScreenedPair, screen};
+use super::screen::{self, Screened, ScreenedPair};
 use super::study::{Comparison, Fitted, RELIEF, Study};
-use crate::effect::Family;
+use crate::effect::{Family, Kind};
 
 /// At most so many effects are named.
 const MOST_EFFECTS: usize = 4;
@@ -220,17 +220,17 @@ impl Path {
 
 /// Friction that remembers does what friction without a memory does, and more, at many times the cost: it is tried where nothing simpler
 /// is accepted and something is left to explain.
-pub fn is_second_choice(screened: &Screened) -> bool {
-    screened.candidate.kind.family == Family::Memory
+pub fn is_second_choice(kind: &Kind) -> bool {
+    kind.family == Family::Memory
 }
 
 fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Report) -> Step {
-    let screen = screen(study, current);
+    let mut screen = screen::screen(study, current, |kind| !is_second_choice(kind));
     let least = if first { LEAST_T2.0 } else { LEAST_T2.1 };
     let mut chosen: Vec<&Screened> = screen
         .ranked
         .iter()
-        .filter(|s| s.t2 > least && !is_second_choice(s))
+        .filter(|s| s.t2 > least)
         .take(REFINED)
         .collect();
     // What stretched tolerances imitate leaves no residual for the screen to see.
@@ -255,13 +255,15 @@ fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Rep
     let mut accepted = accept(study, current, &mut contenders);
     let unexplained = accepted.is_none() && is_unexplained(study, current, (1.25, 2.6));
     if unexplained {
-        let with_memory = screen.ranked.iter().filter(|s| is_second_choice(s));
+        let with_memory = screen::screen(study, current, is_second_choice).ranked;
         let mut second: Vec<Contender> = Vec::new();
-        for s in with_memory.filter(|s| s.t2 > least).take(SECOND_CHOICES) {
+        let promising = with_memory.iter().filter(|s| s.t2 > least);
+        for s in promising.take(SECOND_CHOICES) {
             report(&format!("refining {}", s.candidate.kind.name));
             let refined = refine(study, current, &[(s.candidate, s.start.clone())]);
             second.push(refined);
         }
+        screen.ranked.extend(with_memory);
         rank(&mut second, seed);
         if let Some(k) = accept(study, current, &mut second) {
             contenders = second;

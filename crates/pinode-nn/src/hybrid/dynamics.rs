@@ -69,6 +69,19 @@ impl Hybrid {
         }
     }
 
+    /// Q of inputs and effects, and ḣ, at a state under the input forces of integration step `step`.
+    pub fn forces<'m>(
+        &self,
+        state: State<'_>,
+        theta: &[f64],
+        inputs: &DrivenInputs,
+        step: usize,
+        memory: &'m mut Memory,
+    ) -> (&'m [f64], &'m [f64]) {
+        self.load(state, theta, inputs, step, memory);
+        (memory.acceleration.as_slice(), memory.rates.as_slice())
+    }
+
     /// M(q), with what the effects add to it.
     pub fn mass_matrix_into(
         &self,
@@ -292,4 +305,11 @@ pub struct Memory {
     with_memory: Box<MemoryDerivatives>,
     gradient: ForwardDynamicsGradient,
     pub(super) momenta: Momenta,
+}
+
+impl Memory {
+    /// ∂v̇/∂Q = M⁻¹ of the last [`Hybrid::linearize`], with what the effects add to M, column after column.
+    pub fn response(&self) -> &[f64] {
+        self.by.by_force.as_slice()
+    }
 }

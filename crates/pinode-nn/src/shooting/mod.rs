@@ -8,6 +8,8 @@ mod normal;
 mod observation;
 pub(crate) mod problem;
 mod roll;
+mod tangent;
+mod variation;
 mod window;
 
 pub use fit::{Fit, FitOptions, fit};
@@ -17,4 +19,5 @@ pub use observation::{Channel, Observations, ObservedRun, wrap_angle};
 pub use problem::HiddenPrior;
 pub(crate) use roll::over_samples;
 pub use roll::{Diverged, Roller, Trajectory};
+pub(crate) use variation::Variation;
 pub use window::{Window, Windows, consecutive};

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::normal::{Accumulator, Residual, fill_row, huber_loss};
 use super::{Observations, Reduced, Roller, Trajectory, Window};
-use crate::hybrid::{DrivenInputs, Hybrid, Reading};
+use crate::hybrid::{DrivenInputs, Hybrid, Memory, Reading};
 
 /// The loss of a window whose roll-out diverges.
 const DIVERGED_LOSS: f64 = 1e9;
@@ -18,6 +18,8 @@ pub(crate) struct Rolled {
     pub residuals: Option<Vec<(usize, f64)>>,
     /// What the initial state costs by its prior: ½ Σ ((h − mean)/spread)².
     pub prior: f64,
+    /// The roll-out with its derivatives, where it was taken with them.
+    pub trajectory: Option<Trajectory>,
 }
 
 /// What is known of the states h of effects with a memory at the start of windows: means and standard deviations.
@@ -149,7 +151,8 @@ impl<'a> Problem<'a> {
             })
     }
 
-    /// Reduced equations of all windows at (θ, states); `None` where they fail.
+    /// Reduced equations of all windows at (θ, states), from the roll-outs of `present` where these have derivatives; `None` where they
+    /// fail.
     pub fn reduced(
         &self,
         theta: &[f64],
@@ -159,29 +162,32 @@ impl<'a> Problem<'a> {
         let inputs = self.drive(theta);
         let readings = self.readings(theta);
         let nx = self.hybrid.nx();
+        let columns = nx + self.free.len();
         self.windows
             .par_iter()
             .enumerate()
             .zip(present)
             .map_init(
                 || {
-                    let row = vec![0.0; nx + self.free.len()];
-                    (
-                        Roller::new(self.hybrid, self.free),
-                        Trajectory::default(),
-                        row,
-                    )
+                    let roller = Roller::new(self.hybrid, self.free);
+                    (roller, Trajectory::default(), vec![0.0; columns])
                 },
-                |(roller, trajectory, row), ((index, window), present)| {
-                    roller
-                        .roll_with_sensitivities(
-                            theta,
-                            &inputs[window.run],
-                            (window.first, window.count),
-                            &present.state,
-                            trajectory,
-                        )
-                        .ok()?;
+                |(roller, fresh, row), ((index, window), present)| {
+                    let known = present.trajectory.as_ref();
+                    let size = window.count * nx * columns;
+                    let trajectory = match known.filter(|t| t.sensitivities.len() == size) {
+                        Some(known) => known,
+                        None => {
+                            let span = (window.first, window.count);
+                            let inputs = &inputs[window.run];
+                            let from = &present.state;
+                            let nothing = |_: usize, _: &[f64], _: &mut Memory, _| {};
+                            roller
+                                .roll_with_tangents(theta, inputs, span, from, fresh, nothing)
+                                .ok()?;
+                            fresh
+                        }
+                    };
                     let mut normal = Accumulator::new(nx, self.free.len());
                     for r in self.residuals(window, &readings, &trajectory.states) {
                         let scale = 1.0 / sigma[r.channel];
@@ -233,16 +239,17 @@ impl<'a> Problem<'a> {
             .into_par_iter()
             .zip(states)
             .map_init(
-                || (Roller::new(self.hybrid, &[]), Trajectory::default()),
-                |(roller, trajectory), (window, state)| {
-                    self.roll(roller, trajectory, theta, &inputs, &readings, window, state)
+                || Roller::new(self.hybrid, &[]),
+                |roller, (window, state)| {
+                    let at = (theta, inputs.as_slice(), readings.as_slice());
+                    self.roll(roller, at, window, state, false)
                 },
             )
             .collect()
     }
 
     /// The roll-outs after a step of every initial state: the full one where it does not raise the loss above the present one, else
-    /// the best of full, short and none.
+    /// the best of full, short and none. A full step is rolled out with derivatives: most often the next equations are made there.
     pub fn stepped(
         &self,
         theta: &[f64],
@@ -257,8 +264,8 @@ impl<'a> Problem<'a> {
             .zip(present)
             .zip(steps)
             .map_init(
-                || (Roller::new(self.hybrid, &[]), Trajectory::default()),
-                |(roller, trajectory), ((window, present), step)| {
+                || Roller::new(self.hybrid, self.free),
+                |roller, ((window, present), step)| {
                     let limit = present.loss(sigma);
                     let fractions: &[f64] = match step {
                         Some(_) => &[1.0, 0.3, 0.0],
@@ -270,8 +277,8 @@ impl<'a> Problem<'a> {
                         for (x, d) in state.iter_mut().zip(step.iter().flat_map(|d| d.iter())) {
                             *x += fraction * d;
                         }
-                        let rolled =
-                            self.roll(roller, trajectory, theta, &inputs, &readings, window, state);
+                        let at = (theta, inputs.as_slice(), readings.as_slice());
+                        let rolled = self.roll(roller, at, window, state, *fraction == 1.0);
                         let loss = rolled.loss(sigma);
                         if best.as_ref().is_none_or(|(least, _)| loss < *least) {
                             best = Some((loss, rolled));
@@ -286,31 +293,35 @@ impl<'a> Problem<'a> {
             .collect()
     }
 
-    #[allow(clippy::too_many_arguments)]
     fn roll(
         &self,
         roller: &mut Roller,
-        trajectory: &mut Trajectory,
-        theta: &[f64],
-        inputs: &[DrivenInputs],
-        readings: &[Reading],
+        (theta, inputs, readings): (&[f64], &[DrivenInputs], &[Reading]),
         index: usize,
         state: Vec<f64>,
+        with_derivatives: bool,
     ) -> Rolled {
         let window = &self.windows[index];
         let span = (window.first, window.count);
-        let residuals = roller
-            .roll(theta, &inputs[window.run], span, &state, trajectory)
-            .is_ok()
-            .then(|| {
-                self.residuals(window, readings, &trajectory.states)
-                    .map(|r| (r.channel, r.value))
-                    .collect()
-            });
+        let inputs = &inputs[window.run];
+        let mut trajectory = Trajectory::default();
+        let rolled = match with_derivatives {
+            true => {
+                let nothing = |_: usize, _: &[f64], _: &mut Memory, _| {};
+                roller.roll_with_tangents(theta, inputs, span, &state, &mut trajectory, nothing)
+            }
+            false => roller.roll(theta, inputs, span, &state, &mut trajectory),
+        };
+        let residuals = rolled.is_ok().then(|| {
+            self.residuals(window, readings, &trajectory.states)
+                .map(|r| (r.channel, r.value))
+                .collect()
+        });
         let hidden = &state[self.hybrid.nx() - self.hybrid.nh()..];
         let prior = self.hidden.of(index, hidden);
         Rolled {
             prior: prior.map(|(.., r)| 0.5 * r * r).sum(),
+            trajectory: (with_derivatives && residuals.is_some()).then_some(trajectory),
             residuals,
             state,
         }

@@ -63,11 +63,11 @@ pub struct Trajectory {
 /// With sensitivities the state x = (q, v, h) is integrated together with S = ∂x/∂(x₀, θ_free), Ṡ = (∂f/∂x) S + ∂f/∂θ. The same
 /// Runge-Kutta steps on both make S the exact derivative of the discrete roll-out.
 pub struct Roller<'a> {
-    hybrid: &'a Hybrid,
-    free: &'a [usize],
-    memory: Memory,
-    rk4: Rk4<f64>,
-    state: Vec<f64>,
+    pub(super) hybrid: &'a Hybrid,
+    pub(super) free: &'a [usize],
+    pub(super) memory: Memory,
+    pub(super) rk4: Rk4<f64>,
+    pub(super) state: Vec<f64>,
 }
 
 /// Steps `state` by `method` from sample `first` on over `count` samples, the one it is at included; after each of the others `keep`
