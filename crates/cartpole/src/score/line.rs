@@ -35,6 +35,8 @@ pub struct Line {
     pub data_faults: Vec<String>,
     /// Free-run error on the held-out data, in units of the sensors' noise, before and after.
     pub gap: Option<[f64; 2]>,
+    /// The largest spread of residuals of the fits over a channel's noise, before and after.
+    pub residual: Option<[f64; 2]>,
     /// Free-run errors on a recording of the same rig that the diagnosis has not had.
     pub free_run: Option<FreeRun>,
     /// Time of the diagnosis by the clock, s.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use pinode_nn::diagnose::diagnose_without;
-use pinode_nn::diagnose::verdict::{Diagnosis, NamedEffect};
+use pinode_nn::diagnose::verdict::{Diagnosis, NamedEffect, Residual};
 use pinode_nn::effect::{ActsOn, Kind, registry};
 use pinode_nn::evaluate::{Options, evaluate};
 use pinode_nn::free_run::Initial;
@@ -107,6 +107,7 @@ pub fn run(case: &Case, models: &Path, dir: &Path, alone: bool) -> Result<Line, 
         named: Vec::new(),
         data_faults: Vec::new(),
         gap: None,
+        residual: None,
         free_run: None,
         seconds,
         threads: rayon::current_num_threads(),
@@ -124,6 +125,9 @@ pub fn run(case: &Case, models: &Path, dir: &Path, alone: bool) -> Result<Line, 
             line.named = said.effects.iter().map(named).collect();
             line.data_faults = said.data_faults.iter().map(|f| f.kind.clone()).collect();
             line.gap = Some([said.gap.before, said.gap.after]);
+            let largest =
+                |f: fn(&Residual) -> f64| said.residuals.iter().map(f).fold(0.0, f64::max);
+            line.residual = Some([largest(|r| r.before), largest(|r| r.after)]);
             let revised = Model::load(&outcome.model)?;
             line.free_run = free_run(&model, &revised, &prepared, &said, dir);
         }

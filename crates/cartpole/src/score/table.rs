@@ -412,6 +412,7 @@ mod tests {
                 .collect(),
             data_faults: vec![],
             gap: Some([3.0, 1.2]),
+            residual: Some([2.0, 1.1]),
             free_run: None,
             seconds: 1.0,
             threads: 1,

@@ -244,6 +244,7 @@ pub(crate) fn diagnose_into(
         disagreement,
         effects,
         gap,
+        residuals: write_up::residuals(study, &search),
         data_faults,
         excitation: prepared.excitation,
         unexplained,

@@ -425,7 +425,7 @@ fn is_numerically_sound(study: &Study, current: &Fitted, contender: &Contender) 
         let start = fitted.start(fitted.inside.theta.clone());
         fine.fit(hybrid, start, 1, 6)
     };
-    let comparison = Comparison::of(&again(&contender.fitted), &again(current));
-    comparison.explains()
-        && (comparison.inside_gain / contender.comparison.inside_gain - 1.0).abs() < NUMERICAL
+    let finer = Comparison::of(&again(&contender.fitted), &again(current));
+    (finer.explains() || (contender.comparison.relieves() && finer.relieves()))
+        && (finer.total() / contender.comparison.total() - 1.0).abs() < NUMERICAL
 }

@@ -144,6 +144,11 @@ impl Comparison {
             && self.outside_gain > 0.025
     }
 
+    /// All that speaks for it on the seen windows, nats: what it explains better, and the tolerances that it stretches less.
+    pub fn total(&self) -> f64 {
+        self.inside.gain + self.relief
+    }
+
     /// Whether the old model explains the windows as well only by stretching what is known of masses and gains beyond belief.
     pub fn relieves(&self) -> bool {
         self.relief > RELIEF && self.inside.z > -2.0 && self.outside.z > -2.0

@@ -17,6 +17,8 @@ pub struct Diagnosis {
     pub effects: Vec<NamedEffect>,
     /// Free-run errors on data that no fit has seen, before and after.
     pub gap: Gap,
+    /// Spread of the residuals of the fits, within their windows: 1 where a model explains a channel down to its noise.
+    pub residuals: Vec<Residual>,
     /// What is wrong with the data themselves.
     pub data_faults: Vec<DataFault>,
     /// What the data excite, and what they can show at best; known before anything is fitted.
@@ -163,6 +165,17 @@ pub struct CoordinateGap {
     pub noise_floor: f64,
     /// The measurement noise, in `unit`.
     pub noise: f64,
+}
+
+/// What the fits leave of one measured channel, in units of its noise.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Residual {
+    /// `q.<coordinate>` or `v.<coordinate>`.
+    pub name: String,
+    /// By the model as given.
+    pub before: f64,
+    /// By the new model.
+    pub after: f64,
 }
 
 /// A fault of the data.

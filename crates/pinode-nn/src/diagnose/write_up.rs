@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use super::candidate::Candidate;
 use super::search::{Contender, Search};
-use super::study::Comparison;
+use super::study::{Comparison, Study};
 use super::verdict::{
     Alternative, Evidence, FittedConstant, Name, NamedEffect, ParameterValue, Provenance,
-    RefinedName, ScreenedName, SearchStep,
+    RefinedName, Residual, ScreenedName, SearchStep,
 };
 use crate::effect::{ActsOn, default_smoothing};
 use crate::hybrid::{ConstantId, Hybrid};
@@ -266,4 +266,24 @@ fn refined(c: &Contender, accepted: bool, hybrid: &Hybrid, inputs: &[String]) ->
         accepted,
         numerical: c.numerically_sound == Some(false),
     }
+}
+
+/// What the fits before and after leave of every channel.
+pub fn residuals(study: &Study, search: &Search) -> Vec<Residual> {
+    let coordinates = search.null.hybrid.mechanics().coordinates();
+    let before = search.null.excess(&study.observations);
+    let after = search.model.excess(&study.observations);
+    let channels = &study.observations.channels;
+    channels
+        .iter()
+        .zip(before.into_iter().zip(after))
+        .map(|(channel, (before, after))| {
+            let of = if channel.velocity { "v" } else { "q" };
+            Residual {
+                name: format!("{of}.{}", coordinates[channel.coordinate].name),
+                before,
+                after,
+            }
+        })
+        .collect()
 }

@@ -8,7 +8,6 @@ mod normal;
 mod observation;
 pub(crate) mod problem;
 mod roll;
-mod tangent;
 mod variation;
 mod window;
 

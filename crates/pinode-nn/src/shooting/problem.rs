@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::normal::{Accumulator, Residual, fill_row, huber_loss};
 use super::{Observations, Reduced, Roller, Trajectory, Window};
-use crate::hybrid::{DrivenInputs, Hybrid, Memory, Reading};
+use crate::hybrid::{DrivenInputs, Hybrid, Reading};
 
 /// The loss of a window whose roll-out diverges.
 const DIVERGED_LOSS: f64 = 1e9;
@@ -181,9 +181,8 @@ impl<'a> Problem<'a> {
                             let span = (window.first, window.count);
                             let inputs = &inputs[window.run];
                             let from = &present.state;
-                            let nothing = |_: usize, _: &[f64], _: &mut Memory, _| {};
                             roller
-                                .roll_with_tangents(theta, inputs, span, from, fresh, nothing)
+                                .roll_with_sensitivities(theta, inputs, span, from, fresh)
                                 .ok()?;
                             fresh
                         }
@@ -306,10 +305,7 @@ impl<'a> Problem<'a> {
         let inputs = &inputs[window.run];
         let mut trajectory = Trajectory::default();
         let rolled = match with_derivatives {
-            true => {
-                let nothing = |_: usize, _: &[f64], _: &mut Memory, _| {};
-                roller.roll_with_tangents(theta, inputs, span, &state, &mut trajectory, nothing)
-            }
+            true => roller.roll_with_sensitivities(theta, inputs, span, &state, &mut trajectory),
             false => roller.roll(theta, inputs, span, &state, &mut trajectory),
         };
         let residuals = rolled.is_ok().then(|| {

@@ -185,12 +185,12 @@ impl<'a> Roller<'a> {
 }
 
 /// (x, S) with Ṡ = (∂f/∂x) S + ∂f/∂θ, for a flat space of x.
-struct WithSensitivities<'a> {
-    hybrid: &'a Hybrid,
-    theta: &'a [f64],
-    free: &'a [usize],
-    inputs: &'a DrivenInputs,
-    space: Flat,
+pub(super) struct WithSensitivities<'a> {
+    pub hybrid: &'a Hybrid,
+    pub theta: &'a [f64],
+    pub free: &'a [usize],
+    pub inputs: &'a DrivenInputs,
+    pub space: Flat,
 }
 
 impl System for WithSensitivities<'_> {
