@@ -82,6 +82,11 @@ pub(super) fn diagnosis(slider: &str) -> Diagnosis {
             after: 1.1,
             noise_floor: 1.0,
         },
+        residuals: vec![Residual {
+            name: "q.slider".into(),
+            before: 12.0,
+            after: 1.05,
+        }],
         data_faults: vec![DataFault {
             kind: "outliers".into(),
             column: "q.pole".into(),
