@@ -4,8 +4,8 @@ use super::candidate::Candidate;
 use super::confidence::DRAWS;
 use super::screen::screen;
 use super::search::{
-    Contender, IMITATED, LEAST_T2, Report, Step, contender, is_second_choice, polish, rank, refine,
-    simpler,
+    Contender, IMITATED, LEAST_T2, Report, Step, contender, explained, is_second_choice,
+    lookalikes, polish, rank, refine, simpler,
 };
 use super::study::{Comparison, Fitted, Study};
 use crate::effect::Kind;
@@ -15,7 +15,7 @@ use crate::effect::Kind;
 pub struct Found {
     /// What it is.
     pub candidate: Candidate,
-    /// Probability that it is this one, given that one of the contenders is.
+    /// Probability that it is this one or one of those that the data do not tell from it, given that one of the contenders is.
     pub confidence: f64,
     /// Its rivals, with their probabilities.
     pub alternatives: Vec<(Candidate, f64)>,
@@ -132,6 +132,13 @@ pub fn revisit(
             current,
         ));
     }
+    let explained = explained(study, null, current);
+    for found in &mut found {
+        found.confidence *= explained;
+        for (_, confidence) in &mut found.alternatives {
+            *confidence *= explained;
+        }
+    }
     found
 }
 
@@ -164,10 +171,11 @@ fn rivals(
         rivals.push(rival);
     }
     polish(study, reduced, &mut rivals);
+    rivals.extend(lookalikes(study, reduced, &screen, &rivals, &|_| {}));
     rivals
 }
 
-/// The confidence in a found effect among its rivals; members of one equivalence class count together.
+/// The confidence in a found effect among its rivals; what the data do not tell apart counts together.
 fn weigh(
     candidate: Candidate,
     rivals: &[Contender],
@@ -185,23 +193,21 @@ fn weigh(
             }
             continue;
         };
-        let twin = are_twins(&candidate, &other);
         // A kind that contains the found one always fits as well: the simpler name is meant, and its wins are this one's.
         let contains =
             other.target == candidate.target && other.kind.contains.contains(&candidate.kind.name);
-        if other == candidate || twin || contains {
-            confidence += rival.wins;
-        } else if rival.wins > 0.0 {
-            alternatives.push((other, rival.wins));
-        }
         let tied = own.is_some_and(|own| {
-            other != candidate
-                && !contains
+            !contains
                 && Comparison::of(&own.fitted, &rival.fitted).inside.z.abs() < 2.0
                 && rival.is_acceptable()
         });
-        if (twin && other != candidate) || tied {
+        if other == candidate || contains {
+            confidence += rival.wins;
+        } else if are_twins(&candidate, &other) || tied {
+            confidence += rival.wins;
             indistinguishable.push(other);
+        } else if rival.wins > 0.0 {
+            alternatives.push((other, rival.wins));
         }
     }
     for twin in twins_of(&candidate, model) {

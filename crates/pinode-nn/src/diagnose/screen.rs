@@ -373,6 +373,37 @@ impl Screen {
         self.ranked = best;
     }
 
+    /// Candidates whose probes change the roll-outs almost as a probe of `candidate` does, once initial states and free constants have
+    /// given what they can: 1 − ρ² below `distance`. The most alike first.
+    pub fn lookalikes(&self, candidate: &Candidate, distance: f64) -> Vec<&Screened> {
+        let own = |c: &Candidate| {
+            let columns = self.columns.iter().enumerate();
+            let own: Vec<usize> = columns
+                .filter(|(_, column)| column.candidate == *c)
+                .map(|(k, _)| k)
+                .collect();
+            own
+        };
+        let far = |i: usize, j: usize| {
+            let product = self.information[(i, i)] * self.information[(j, j)];
+            1.0 - self.information[(i, j)].powi(2) / product
+        };
+        let here = own(candidate);
+        let mut alike: Vec<(f64, &Screened)> = Vec::new();
+        for other in self.ranked.iter().filter(|s| s.candidate != *candidate) {
+            let there = own(&other.candidate);
+            let pairs = here
+                .iter()
+                .flat_map(|&i| there.iter().map(move |&j| (i, j)));
+            let nearest = pairs.map(|(i, j)| far(i, j)).fold(1.0, f64::min);
+            if nearest < distance {
+                alike.push((nearest, other));
+            }
+        }
+        alike.sort_by(|a, b| a.0.total_cmp(&b.0));
+        alike.into_iter().map(|(_, screened)| screened).collect()
+    }
+
     /// The pairs that promise most beyond the better of their members, at most `most`: effects that mask one another.
     pub fn pairs(&self, most: usize) -> Vec<ScreenedPair> {
         let mut pairs = Vec::new();

@@ -3,7 +3,7 @@
 use super::candidate::Candidate;
 use super::confidence::wins;
 use super::found::{Found, prune, revisit};
-use super::screen::{self, Screened, ScreenedPair};
+use super::screen::{self, Screen, Screened, ScreenedPair};
 use super::study::{Comparison, Fitted, RELIEF, Study};
 use crate::effect::{Family, Kind};
 
@@ -17,7 +17,9 @@ const SECOND_CHOICES: usize = 3;
 pub const LEAST_T2: (f64, f64) = (4.0, 6.0);
 /// A candidate with this share of its information spanned by free constants is one that they imitate.
 pub const IMITATED: f64 = 0.9;
-/// A gain that moves by more than this share when the numerics are refined is numerical.
+/// Candidates with 1 − ρ² below this look alike to the screen.
+const ALIKE: f64 = 0.02;
+/// A gain that loses more than this share when the numerics are refined is numerical. One that grows was held back by them.
 const NUMERICAL: f64 = 0.3;
 
 /// A candidate, or a pair of them, refined by a fit.
@@ -252,7 +254,9 @@ fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Rep
     }
     polish(study, current, &mut contenders);
     rank(&mut contenders, seed);
-    let mut accepted = accept(study, current, &mut contenders);
+    contenders.extend(lookalikes(study, current, &screen, &contenders, report));
+    rank(&mut contenders, seed);
+    let mut accepted = accept(study, current, &mut contenders, seed);
     let unexplained = accepted.is_none() && is_unexplained(study, current, (1.25, 2.6));
     if unexplained {
         let with_memory = screen::screen(study, current, is_second_choice).ranked;
@@ -265,7 +269,7 @@ fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Rep
         }
         screen.ranked.extend(with_memory);
         rank(&mut second, seed);
-        if let Some(k) = accept(study, current, &mut second) {
+        if let Some(k) = accept(study, current, &mut second, seed) {
             contenders = second;
             accepted = Some(k);
         }
@@ -281,7 +285,7 @@ fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Rep
             joint.push(refine(study, current, &pair.members));
         }
         rank(&mut joint, seed);
-        if let Some(k) = accept(study, current, &mut joint) {
+        if let Some(k) = accept(study, current, &mut joint, seed) {
             contenders = joint;
             accepted = Some(k);
         }
@@ -291,6 +295,30 @@ fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Rep
         contenders,
         accepted,
     }
+}
+
+/// What looks like the best contender and was not refined: the data may not tell them apart, which has to be said.
+pub fn lookalikes(
+    study: &Study,
+    current: &Fitted,
+    screen: &Screen,
+    contenders: &[Contender],
+    report: Report,
+) -> Vec<Contender> {
+    let Some(best) = contenders.iter().find(|c| c.is_acceptable()) else {
+        return Vec::new();
+    };
+    let refined = |c: &Candidate| contenders.iter().any(|other| other.added[..] == [*c]);
+    let alike = screen.lookalikes(&best.added[0], ALIKE);
+    let new = alike.into_iter().filter(|s| !refined(&s.candidate));
+    new.take(2)
+        .map(|s| {
+            report(&format!("refining {}", s.candidate.kind.name));
+            let mut other = refine(study, current, &[(s.candidate, s.start.clone())]);
+            other.imitated = s.spanned > IMITATED;
+            other
+        })
+        .collect()
 }
 
 /// Whether the residual of a position is so many times the sensor's noise: on a displacement, on an angle.
@@ -308,6 +336,32 @@ pub fn is_unexplained(study: &Study, fitted: &Fitted, (linear, angular): (f64, f
             };
             excess > limit
         })
+}
+
+/// The share of the misfit of `null` that `model` explains, on a logarithmic scale: 1 where what is left does not exceed
+/// [`UNEXPLAINED`], 0 where nothing is explained. A name for a small part of a large misfit may stand in for what is really missing.
+pub fn explained(study: &Study, null: &Fitted, model: &Fitted) -> f64 {
+    let coordinates = null.hybrid.mechanics().coordinates();
+    let misfit = |fitted: &Fitted| {
+        let excess = fitted.excess(&study.observations);
+        let channels = study.observations.channels.iter();
+        excess
+            .into_iter()
+            .zip(channels)
+            .map(
+                |(excess, channel)| match coordinates[channel.coordinate].angular {
+                    true => excess / UNEXPLAINED.1,
+                    false => excess / UNEXPLAINED.0,
+                },
+            )
+            .fold(0.0, f64::max)
+    };
+    let (before, after) = (misfit(null), misfit(model));
+    match (before, after) {
+        (_, after) if after <= 1.0 => 1.0,
+        (before, after) if before > after => (before / after).ln() / before.ln(),
+        _ => 0.0,
+    }
 }
 
 pub fn refine(study: &Study, current: &Fitted, members: &[(Candidate, Vec<f64>)]) -> Contender {
@@ -363,13 +417,17 @@ pub fn polish(study: &Study, current: &Fitted, contenders: &mut [Contender]) {
     }
 }
 
-/// Orders contenders by their score, and gives the wins: only what would be accepted by itself takes part.
+/// Orders contenders by their score, and gives the wins: only what would be accepted by itself, and is not known to be numerical, takes
+/// part.
 pub fn rank(contenders: &mut [Contender], seed: u64) {
     contenders.sort_by(|a, b| b.score.total_cmp(&a.score));
-    let mut playing: Vec<&mut Contender> = contenders
-        .iter_mut()
-        .filter(|c| c.is_acceptable())
-        .collect();
+    let mut playing: Vec<&mut Contender> = Vec::new();
+    for contender in contenders {
+        contender.wins = 0.0;
+        if contender.is_acceptable() && contender.numerically_sound != Some(false) {
+            playing.push(contender);
+        }
+    }
     let scores: Vec<(&[f64], f64)> = playing
         .iter()
         .map(|c| {
@@ -384,18 +442,28 @@ pub fn rank(contenders: &mut [Contender], seed: u64) {
 }
 
 /// The best contender whose gain is significant on both sides and not numerical.
-fn accept(study: &Study, current: &Fitted, contenders: &mut [Contender]) -> Option<usize> {
-    for (k, contender) in contenders.iter_mut().enumerate() {
+fn accept(
+    study: &Study,
+    current: &Fitted,
+    contenders: &mut [Contender],
+    seed: u64,
+) -> Option<usize> {
+    let mut accepted = None;
+    for k in 0..contenders.len() {
+        let contender = &mut contenders[k];
         if !contender.is_acceptable() {
             continue;
         }
         let sound = is_numerically_sound(study, current, contender);
         contender.numerically_sound = Some(sound);
         if sound {
-            return Some(simpler(contenders, k).unwrap_or(k));
+            accepted = Some(simpler(contenders, k).unwrap_or(k));
+            break;
         }
     }
-    None
+    // Without those that were found to be numerical; the order stays.
+    rank(contenders, seed);
+    accepted
 }
 
 /// The best accepted contender with fewer constants than the `k`th, unless the `k`th would be accepted beside it: a name with more
@@ -427,5 +495,5 @@ fn is_numerically_sound(study: &Study, current: &Fitted, contender: &Contender) 
     };
     let finer = Comparison::of(&again(&contender.fitted), &again(current));
     (finer.explains() || (contender.comparison.relieves() && finer.relieves()))
-        && (finer.total() / contender.comparison.total() - 1.0).abs() < NUMERICAL
+        && finer.total() > (1.0 - NUMERICAL) * contender.comparison.total()
 }

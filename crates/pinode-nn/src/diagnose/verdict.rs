@@ -75,7 +75,7 @@ pub struct NamedEffect {
     pub kind: String,
     /// The joint, input, link or sensor it sits on.
     pub target: String,
-    /// Probability that the name is right.
+    /// Probability that it is this one, or one of those in `indistinguishable_from`.
     pub confidence: f64,
     /// Its parameters.
     pub parameters: BTreeMap<String, ParameterValue>,
