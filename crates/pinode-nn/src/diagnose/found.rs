@@ -196,11 +196,7 @@ fn weigh(
         // A kind that contains the found one always fits as well: the simpler name is meant, and its wins are this one's.
         let contains =
             other.target == candidate.target && other.kind.contains.contains(&candidate.kind.name);
-        let tied = own.is_some_and(|own| {
-            !contains
-                && Comparison::of(&own.fitted, &rival.fitted).inside.z.abs() < 2.0
-                && rival.is_acceptable()
-        });
+        let tied = own.is_some_and(|own| !contains && are_tied(own, rival));
         if other == candidate || contains {
             confidence += rival.wins;
         } else if are_twins(&candidate, &other) || tied {
@@ -223,6 +219,16 @@ fn weigh(
         indistinguishable,
         comparison,
     }
+}
+
+/// Whether the windows do not tell two contenders apart: no significant difference, or a lead of the rival that would not be accepted
+/// as an explanation of what the found one leaves.
+fn are_tied(own: &Contender, rival: &Contender) -> bool {
+    if !rival.is_acceptable() || rival.numerically_sound == Some(false) {
+        return false;
+    }
+    let lead = Comparison::of(&rival.fitted, &own.fitted);
+    lead.inside.z.abs() < 2.0 || (rival.score > own.score && !lead.explains())
 }
 
 /// The offset class: while sliding, a constant force and a difference of Coulomb friction between the directions are one equation.
