@@ -17,6 +17,9 @@ use crate::hybrid::{DrivenInputs, HiddenPath, Hybrid, Placed, Reading};
 use crate::shooting::problem::Problem;
 use crate::shooting::{Accumulator, Roller, Trajectory, Variation, Window};
 
+/// So many windows have their normal equations in memory at once.
+const AT_ONCE: usize = 16;
+
 /// What the screen says of one candidate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Screened {
@@ -225,64 +228,67 @@ pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) ->
     let nx = hybrid.nx();
     let inputs = problem.drive(&fit.theta);
     let readings = problem.readings(&fit.theta);
-    let per_window: Vec<Option<(DMatrix<f64>, DVector<f64>)>> = windows
-        .par_iter()
-        .enumerate()
-        .zip(&fit.states)
-        .map(|((index, window), state)| {
-            let span = (window.first, window.count);
-            let t = &study.observations.runs[window.run].t[window.first..][..window.count];
-            let mut null = Trajectory::default();
-            let mut steps = Variation::default();
-            Roller::new(hybrid, &fit.free)
-                .roll_step_by_step(
-                    &fit.theta,
-                    &inputs[window.run],
-                    span,
-                    state,
-                    &mut null,
-                    &mut steps,
-                )
-                .ok()?;
-            let residuals: Vec<_> = problem.residuals(window, &readings, &null.states).collect();
-            // The change of what is read by each probe; nothing where it diverges.
-            let mut states = Vec::new();
-            let changes: Vec<Vec<f64>> = probed
-                .iter()
-                .map(|with| {
-                    if !with.rolled((window, state), (&null.states, &steps), &mut states) {
-                        return vec![0.0; residuals.len()];
-                    }
-                    let sizes = (with.hybrid.nv(), with.hybrid.nx());
-                    let change = residuals.iter().map(|r| {
-                        let channel = &channels[r.channel];
-                        let reading = &with.readings[channel.coordinate];
-                        let there = channel.predict(reading, sizes, &states, t, r.sample);
-                        there.value - r.predicted.value
-                    });
-                    change.collect()
-                })
-                .collect();
-            let mut normal = Accumulator::new(nx, total);
-            let mut row = vec![0.0; nx + total];
-            for (i, r) in residuals.iter().enumerate() {
-                let scale = 1.0 / fit.sigma[r.channel];
-                problem.fill_row(&mut row[..nx + nuisances], r, &readings, scale, &null);
-                for (entry, change) in row[nx + nuisances..].iter_mut().zip(&changes) {
-                    *entry = change[i] * scale;
+    let of_window = |index: usize| -> Option<(DMatrix<f64>, DVector<f64>)> {
+        let (window, state) = (&windows[index], &fit.states[index]);
+        let span = (window.first, window.count);
+        let t = &study.observations.runs[window.run].t[window.first..][..window.count];
+        let mut null = Trajectory::default();
+        let mut steps = Variation::default();
+        Roller::new(hybrid, &fit.free)
+            .roll_step_by_step(
+                &fit.theta,
+                &inputs[window.run],
+                span,
+                state,
+                &mut null,
+                &mut steps,
+            )
+            .ok()?;
+        let residuals: Vec<_> = problem.residuals(window, &readings, &null.states).collect();
+        // The change of what is read by each probe; nothing where it diverges.
+        let mut states = Vec::new();
+        let changes: Vec<Vec<f64>> = probed
+            .iter()
+            .map(|with| {
+                if !with.rolled((window, state), (&null.states, &steps), &mut states) {
+                    return vec![0.0; residuals.len()];
                 }
-                normal.add(&row, r.value * scale);
+                let sizes = (with.hybrid.nv(), with.hybrid.nx());
+                let change = residuals.iter().map(|r| {
+                    let channel = &channels[r.channel];
+                    let reading = &with.readings[channel.coordinate];
+                    let there = channel.predict(reading, sizes, &states, t, r.sample);
+                    there.value - r.predicted.value
+                });
+                change.collect()
+            })
+            .collect();
+        let mut normal = Accumulator::new(nx, total);
+        let mut row = vec![0.0; nx + total];
+        for (i, r) in residuals.iter().enumerate() {
+            let scale = 1.0 / fit.sigma[r.channel];
+            problem.fill_row(&mut row[..nx + nuisances], r, &readings, scale, &null);
+            for (entry, change) in row[nx + nuisances..].iter_mut().zip(&changes) {
+                *entry = change[i] * scale;
             }
-            problem.add_prior(index, state, &mut normal);
-            let reduced = normal.finish().reduce()?;
-            Some((reduced.s, reduced.g))
-        })
-        .collect();
-
+            normal.add(&row, r.value * scale);
+        }
+        problem.add_prior(index, state, &mut normal);
+        let reduced = normal.finish().reduce()?;
+        Some((reduced.s, reduced.g))
+    };
+    // A few windows at once, summed in their order: the matrices of all would fill the memory.
     let mut s = DMatrix::zeros(total, total);
-    for (window_s, _) in per_window.iter().flatten() {
-        s += window_s;
+    let mut gradients = Vec::with_capacity(windows.len());
+    for first in (0..windows.len()).step_by(AT_ONCE) {
+        let some = first..windows.len().min(first + AT_ONCE);
+        let reduced: Vec<_> = some.into_par_iter().map(of_window).collect();
+        for (window_s, g) in reduced.into_iter().flatten() {
+            s += window_s;
+            gradients.push(g);
+        }
     }
+
     for (k, &i) in fit.free.iter().enumerate() {
         let tolerance = hybrid.constants()[i].tolerance;
         if tolerance.is_finite() {
@@ -297,17 +303,14 @@ pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) ->
     let by_nuisance = solve_scaled(&s_nn, &s_nc.into_owned());
     let information = s_cc - s_nc.transpose() * &by_nuisance;
     let mut pull = vec![0.0; columns.len()];
-    for (_, g) in per_window.iter().flatten() {
+    for g in &gradients {
         for (pull, g) in pull.iter_mut().zip(g.rows(nuisances, columns.len()).iter()) {
             *pull += g;
         }
     }
-    let scores: Vec<DVector<f64>> = per_window
-        .into_iter()
-        .flatten()
-        .map(|(_, g)| {
-            g.rows(nuisances, columns.len()) - by_nuisance.transpose() * g.rows(0, nuisances)
-        })
+    let scores: Vec<DVector<f64>> = gradients
+        .iter()
+        .map(|g| g.rows(nuisances, columns.len()) - by_nuisance.transpose() * g.rows(0, nuisances))
         .collect();
     let mut screen = Screen {
         ranked: Vec::new(),

@@ -17,8 +17,9 @@ impl ForceLaw for Periodic {
     }
 }
 
-/// Periods that a screen tries, in units of the range of the motion, each a fifth shorter than the one before: within the range of a fit.
-const PERIODS: usize = 16;
+/// A screen tries so many numbers of periods in the range of the motion, from one and a half on, three quarters apart: over the whole
+/// range a force falls out of step with the nearest one by less than half a turn, from where a fit finds to it.
+const PERIODS: usize = 42;
 
 /// The kind `periodic_force`.
 pub static KIND: Kind = Kind {
@@ -39,7 +40,7 @@ pub static KIND: Kind = Kind {
     contains: &[],
     probes: |scales, _| {
         let d = scales.small_force();
-        let periods = (0..PERIODS).map(|k| 1.2 * scales.reach * 0.8_f64.powi(k as i32));
+        let periods = (0..PERIODS).map(|k| 2.0 * scales.reach / (1.5 + 0.75 * k as f64));
         periods
             .flat_map(|period| {
                 [0.0, 0.25].map(|turn| {
