@@ -139,12 +139,13 @@ mod tests {
     }
 
     #[test]
-    fn mechanics_may_be_changed_where_there_is_a_body_a_motor_or_a_base() {
+    fn mechanics_may_be_changed_where_there_is_a_body_a_joint_or_a_base() {
         let expected = [
             ("gravity_tilt", "slider"),
             ("added_mass", "cart"),
             ("added_mass", "pole"),
             ("reflected_inertia", "slider"),
+            ("reflected_inertia", "pole"),
         ];
         let found = changes("cartpole/cartpole.toml");
         assert_eq!(found, expected.map(|(kind, on)| (kind, on.to_owned())));
