@@ -1,5 +1,6 @@
 //! What to do or to record next.
 
+use super::experiment::{Outcome, Split, short};
 use super::search::{Search, UNEXPLAINED, is_unexplained};
 use super::study::Study;
 use super::verdict::{NamedEffect, Numerics, Verdict};
@@ -12,21 +13,19 @@ pub fn advise(
     study: &Study,
     search: &Search,
     effects: &[NamedEffect],
+    splits: &[Split],
     verdict: Verdict,
     numerics: &Numerics,
 ) -> Vec<String> {
     let mut advice = Vec::new();
     for effect in effects {
         let own = format!("{} on `{}`", spoken(&effect.kind), effect.target);
-        for other in &effect.indistinguishable_from {
-            let tie = format!(
-                "{own} and {} on `{}` cannot be told apart here",
-                spoken(&other.kind),
-                other.target
-            );
-            advice.push(format!("{tie}: {}.", experiment(&effect.kind, &other.kind)));
-        }
-        if effect.confidence < 0.9 && effect.indistinguishable_from.is_empty() {
+        let rivals = || {
+            let name = |s: &&Split| s.own.kind == effect.kind && s.own.target == effect.target;
+            splits.iter().filter(name)
+        };
+        advice.extend(rivals().map(|split| telling_apart(&own, split)));
+        if effect.confidence < 0.9 && rivals().next().is_none() {
             advice.push(format!(
                 "{own} is the best of several names (confidence {:.2}): record a longer log with a wider range of speeds and inputs.",
                 effect.confidence
@@ -72,12 +71,47 @@ pub fn advise(
     advice
 }
 
-/// The experiment that splits two names.
+/// What tells a found effect from a rival.
+fn telling_apart(own: &str, split: &Split) -> String {
+    let rival = format!(
+        "{} on `{}`",
+        spoken(&split.against.kind),
+        split.against.target
+    );
+    let tie = match split.confidence {
+        None => format!("{own} and {rival} cannot be told apart here"),
+        Some(confidence) => format!("{own} could still be {rival} (confidence {confidence:.2})"),
+    };
+    match &split.outcome {
+        Outcome::Splits(experiments) => match experiments.first() {
+            Some(best) => {
+                let (coordinate, times) = best.largest();
+                format!(
+                    "{tie}: record {}. From rest, the two would differ by {} times the noise on `{coordinate}` (root mean square; no \
+                     values of their constants within three standard errors of this log bring them closer).",
+                    best.sentence,
+                    short(times)
+                )
+            }
+            None => format!("{tie}."),
+        },
+        Outcome::OneEffect => format!(
+            "{tie}: no experiment of the menu splits them within the logged inputs and reach; there they are one effect for this mechanism."
+        ),
+        Outcome::NotSimulated => {
+            format!(
+                "{tie}: {}.",
+                experiment(&split.own.kind, &split.against.kind)
+            )
+        }
+    }
+}
+
+/// The experiment that splits two names, where none can be simulated.
 fn experiment(a: &str, b: &str) -> &'static str {
     let is = |x: &str| a == x || b == x;
     if is("constant_force") && is("asymmetric_coulomb_friction") {
-        "turn the rig or its rail by 180° (a constant force changes sign, friction does not), or log it at rest with zero input, \
-         coming to rest from both sides"
+        "turn the rig or its rail by 180° (a constant force changes sign, friction does not)"
     } else if is("input_gain_error") {
         "let it move without input: the gain then has no part in it"
     } else if is("quadratic_drag")

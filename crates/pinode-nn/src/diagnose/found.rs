@@ -2,6 +2,7 @@
 
 use super::candidate::Candidate;
 use super::confidence::DRAWS;
+use super::experiment::CLOSE;
 use super::screen::screen;
 use super::search::{
     Contender, IMITATED, LEAST_T2, Report, Step, contender, explained, is_second_choice,
@@ -9,6 +10,7 @@ use super::search::{
 };
 use super::study::{Comparison, Fitted, Study};
 use crate::effect::Kind;
+use crate::hybrid::Hybrid;
 
 /// A found effect.
 #[derive(Clone)]
@@ -21,12 +23,14 @@ pub struct Found {
     pub alternatives: Vec<(Candidate, f64)>,
     /// Rivals that the data do not tell from it.
     pub indistinguishable: Vec<Candidate>,
+    /// The fitted models of the rivals among them and of those with a confidence above [`CLOSE`].
+    pub rivals: Vec<(Candidate, Fitted)>,
     /// The model with it against the model without.
     pub comparison: Comparison,
 }
 
 /// The effect of a model that is `candidate`.
-fn position(fitted: &Fitted, candidate: &Candidate) -> Option<usize> {
+pub fn position(fitted: &Fitted, candidate: &Candidate) -> Option<usize> {
     fitted
         .hybrid
         .effects()
@@ -36,6 +40,12 @@ fn position(fitted: &Fitted, candidate: &Candidate) -> Option<usize> {
 
 /// The model fitted anew without one of its effects. A known effect whose place it had taken comes back.
 fn without(study: &Study, null: &Fitted, current: &Fitted, index: usize) -> Fitted {
+    let (hybrid, theta) = stripped(null, current, index);
+    study.fit(hybrid, current.start(theta), 1, 10)
+}
+
+/// The model without one of its effects, and θ, as fitted with it. A known effect whose place it had taken comes back.
+pub fn stripped(null: &Fitted, current: &Fitted, index: usize) -> (Hybrid, Vec<f64>) {
     let removed = current.hybrid.effects()[index];
     let range = current.hybrid.range(index);
     let theta = &current.inside.theta;
@@ -52,7 +62,7 @@ fn without(study: &Study, null: &Fitted, current: &Fitted, index: usize) -> Fitt
             theta.extend_from_slice(values);
         }
     }
-    study.fit(hybrid, current.start(theta), 1, 10)
+    (hybrid, theta)
 }
 
 /// Drops what later effects have made superfluous.
@@ -206,6 +216,15 @@ fn weigh(
             alternatives.push((other, rival.wins));
         }
     }
+    let is_close = |c: &Candidate| {
+        let close = alternatives.iter().any(|(a, wins)| a == c && *wins > CLOSE);
+        close || indistinguishable.contains(c)
+    };
+    let fitted = rivals.iter().filter_map(|rival| match rival.added[..] {
+        [other] if is_close(&other) => Some((other, rival.fitted.clone())),
+        _ => None,
+    });
+    let fitted: Vec<(Candidate, Fitted)> = fitted.collect();
     for twin in twins_of(&candidate, model) {
         if !indistinguishable.contains(&twin) {
             indistinguishable.push(twin);
@@ -217,6 +236,7 @@ fn weigh(
         confidence: confidence.min(1.0 - 1.0 / DRAWS as f64),
         alternatives,
         indistinguishable,
+        rivals: fitted,
         comparison,
     }
 }

@@ -14,6 +14,7 @@ mod bins;
 mod candidate;
 mod confidence;
 pub mod curves;
+mod experiment;
 mod found;
 mod gap;
 pub(crate) mod kept;
@@ -234,11 +235,12 @@ pub(crate) fn diagnose_into(
             unexplained::describe(study, &search.model, left, c, &names)
         })
         .flatten();
-    let effects = write_up::effects(&search, &names);
+    let splits = experiment::splits(study, &search, &names, report);
+    let effects = write_up::effects(&search, &splits, &names);
     let numerics = Numerics {
         set_valued: numerics::set_valued(study, &search.model),
     };
-    let advice = advise::advise(study, &search, &effects, verdict, &numerics);
+    let advice = advise::advise(study, &search, &effects, &splits, verdict, &numerics);
     let diagnosis = Diagnosis {
         verdict,
         disagreement,

@@ -83,6 +83,8 @@ pub struct NamedEffect {
     pub alternatives: Vec<Alternative>,
     /// Names that these data cannot tell from it.
     pub indistinguishable_from: Vec<Name>,
+    /// Experiments that tell it from a name that these data do not exclude, the best first; at most three.
+    pub experiments: Vec<Experiment>,
     /// The evidence: paired windows with the effect against without.
     pub evidence: Evidence,
 }
@@ -116,6 +118,39 @@ pub struct Name {
     pub kind: String,
     /// Target.
     pub target: String,
+}
+
+/// An experiment that tells a found effect from another name: simulated with both fitted models, from rest.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Experiment {
+    /// The other name.
+    pub against: Name,
+    /// What is done: `slow_triangle`, `steps`, `square_wave`, `chirp`, `push_and_coast`, `constant_push` or `free_decay`.
+    pub experiment: String,
+    /// The input that moves, all others are zero; `null`: none.
+    pub input: Option<String>,
+    /// Its largest value as it is logged, negative for a push that way; `null` without an input.
+    pub amplitude: Option<f64>,
+    /// Whether the base is turned by 180° about the vertical.
+    pub turned: bool,
+    /// What is mounted in addition; `null`: nothing.
+    pub payload: Option<Payload>,
+    /// How long it takes within the logged reach, s.
+    pub duration_s: f64,
+    /// Root mean square difference of what the sensors read, over their noise, by coordinate: after the constants of both models have
+    /// been moved within three standard errors to bring the two together.
+    pub differences: BTreeMap<String, f64>,
+    /// All this in words.
+    pub sentence: String,
+}
+
+/// A mass in addition.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Payload {
+    /// The link on whose body it is, at the centre of mass.
+    pub link: String,
+    /// kg.
+    pub mass: f64,
 }
 
 /// Paired differences of the windows' log-likelihoods.

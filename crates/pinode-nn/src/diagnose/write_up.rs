@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::candidate::Candidate;
+use super::experiment::{self, Split};
 use super::search::{Contender, Search};
 use super::study::{Comparison, Study};
 use super::verdict::{
@@ -113,8 +114,8 @@ impl Errors {
     }
 }
 
-/// The found effects.
-pub fn effects(search: &Search, inputs: &[String]) -> Vec<NamedEffect> {
+/// The found effects, with the best of the experiments that split them from their rivals.
+pub fn effects(search: &Search, splits: &[Split], inputs: &[String]) -> Vec<NamedEffect> {
     let hybrid = &search.model.hybrid;
     let theta = &search.model.inside.theta;
     let errors = Errors::of(search);
@@ -142,7 +143,9 @@ pub fn effects(search: &Search, inputs: &[String]) -> Vec<NamedEffect> {
                     (spec.name.to_owned(), value)
                 })
                 .collect();
-            let Name { kind, target } = name(candidate);
+            let own = name(candidate);
+            let experiments = experiment::listed(splits.iter().filter(|s| s.own == own));
+            let Name { kind, target } = own;
             Some(NamedEffect {
                 kind,
                 target,
@@ -161,6 +164,7 @@ pub fn effects(search: &Search, inputs: &[String]) -> Vec<NamedEffect> {
                     })
                     .collect(),
                 indistinguishable_from: found.indistinguishable.iter().map(name).collect(),
+                experiments,
                 evidence: evidence(&found.comparison),
             })
         })

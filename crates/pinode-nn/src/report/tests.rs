@@ -69,6 +69,7 @@ pub(super) fn diagnosis(slider: &str) -> Diagnosis {
                 confidence: 0.02,
             }],
             indistinguishable_from: vec![name("asymmetric_coulomb_friction", slider)],
+            experiments: Vec::new(),
             evidence: evidence(),
         }],
         gap: Gap {

@@ -1,0 +1,78 @@
+//! The rival of a found effect, fitted in its place.
+
+use super::super::candidate::Candidate;
+use super::super::found::{Found, position, stripped};
+use super::super::search::Search;
+use super::super::study::{Fitted, Study};
+use crate::hybrid::Hybrid;
+
+/// The model with `other` in the place of `found`: as the search fitted it, or fitted now. `None` where it has no fit.
+pub fn fitted(study: &Study, search: &Search, found: &Found, other: Candidate) -> Option<Fitted> {
+    let own = found.candidate;
+    let of_the_search = found.rivals.iter().find(|(c, _)| *c == other);
+    if let Some((_, fitted)) = of_the_search
+        && has_the_same_rest(&search.model.hybrid, &fitted.hybrid, own, other)
+    {
+        return Some(fitted.clone());
+    }
+    let index = position(&search.model, &own)?;
+    let theta = &search.model.inside.theta;
+    let values = &theta[search.model.hybrid.range(index)];
+    let (mut hybrid, mut rest) = stripped(&search.null, &search.model, index);
+    let start = match (own.kind.name, other.kind.name, values) {
+        // While sliding, −F s + F₀ is F − F₀ one way and F + F₀ the other.
+        ("constant_force", "asymmetric_coulomb_friction", [constant]) => {
+            let friction = other.contained(&hybrid, &rest);
+            let friction = friction.first().copied().unwrap_or(0.0);
+            [friction - constant, friction + constant]
+                .map(|f| f.max(0.0))
+                .to_vec()
+        }
+        ("asymmetric_coulomb_friction", "constant_force", [positive, negative]) => {
+            let kind = crate::effect::registry::find("coulomb_friction")?;
+            let target = own.target;
+            let symmetric = Candidate { kind, target };
+            let mean = 0.5 * (positive + negative);
+            let there = |e: &crate::hybrid::Placed| e.kind == kind && e.target == target;
+            match hybrid.effects().iter().position(there) {
+                Some(known) => {
+                    let range = hybrid.range(known);
+                    let held = hybrid.constants()[range.start].tolerance == 0.0;
+                    if !held {
+                        rest[range.start] = mean;
+                    }
+                }
+                None => (hybrid, rest) = symmetric.place(&hybrid, &rest, &[mean]),
+            }
+            vec![0.5 * (negative - positive)]
+        }
+        _ => {
+            let (_, fitted) = of_the_search?;
+            let place = position(fitted, &other)?;
+            fitted.inside.theta[fitted.hybrid.range(place)].to_vec()
+        }
+    };
+    let (hybrid, theta) = other.place(&hybrid, &rest, &start);
+    let fitted = study.fit(hybrid, search.model.start(theta), 1, 10);
+    fitted
+        .inside_scores
+        .iter()
+        .any(|s| s.is_finite())
+        .then_some(fitted)
+}
+
+/// Whether two models have the same effects but for the two compared and what those contain.
+fn has_the_same_rest(a: &Hybrid, b: &Hybrid, own: Candidate, other: Candidate) -> bool {
+    let compared = |name: &str, target: usize| {
+        [own, other]
+            .iter()
+            .any(|c| c.target == target && (c.kind.name == name || c.kind.contains.contains(&name)))
+    };
+    let rest = |hybrid: &Hybrid| {
+        let effects = hybrid.effects().iter().map(|e| (e.kind.name, e.target));
+        let mut rest: Vec<_> = effects.filter(|e| !compared(e.0, e.1)).collect();
+        rest.sort_unstable();
+        rest
+    };
+    rest(a) == rest(b)
+}
