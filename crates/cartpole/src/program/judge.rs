@@ -88,6 +88,7 @@ mod tests {
                 })
                 .into_iter()
                 .collect(),
+            experiments: vec![],
             evidence: Evidence {
                 z_fit: 9.0,
                 z_held_out: 9.0,
