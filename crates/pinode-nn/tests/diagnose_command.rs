@@ -232,6 +232,22 @@ fn viscous_friction_is_found_added_and_written_down() {
     let number = |key: &str| gap[key].as_f64().unwrap();
     assert!(number("before") > 2.0 * number("after"), "{gap}");
     assert!(number("after") < 1.5, "{gap}");
+    // The free runs of the gap are one of the horizons, and a longer one shows more of what was missing.
+    let horizons = gap["horizons"].as_array().unwrap();
+    let at = |s: f64, key: &str| {
+        let horizon = horizons.iter().find(|h| h["horizon_s"] == s).unwrap();
+        horizon[key].as_f64().unwrap()
+    };
+    assert_eq!(at(0.6, "before"), number("before"));
+    assert_eq!(at(0.6, "after"), number("after"));
+    assert!(at(2.0, "before") > at(0.6, "before") && at(0.6, "before") > at(0.1, "before"));
+    for region in gap["regions"].as_array().unwrap() {
+        let inside = &region["inside"];
+        assert!(
+            inside["before"].as_f64() > inside["after"].as_f64(),
+            "{region}"
+        );
+    }
 
     let check = pinode(dir.path(), &["check", "out/model.toml", "--json"]);
     assert_eq!(check.status.code(), Some(0), "{}", stderr(&check));

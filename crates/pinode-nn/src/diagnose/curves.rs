@@ -1,8 +1,12 @@
-//! What the report draws: measured and simulated curves, and where the model disagrees.
+//! What the report draws: the mechanism, measured and simulated curves, and where the model disagrees.
+
+use super::sketch::Sketch;
 
 /// Everything that is drawn.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Curves {
+    /// The mechanism; none where the model has no geometry.
+    pub sketch: Option<Sketch>,
     /// Free runs over held-out windows, in time order.
     pub free_runs: Vec<FreeRun>,
     /// The missing force, one a coordinate.
@@ -31,6 +35,15 @@ pub struct FreeRunCoordinate {
     pub before: Vec<f64>,
     /// By the new model; empty where it diverges.
     pub after: Vec<f64>,
+    /// Whether the sample counts in errors: it is in the free part, and it was measured well.
+    pub counts: Vec<bool>,
+}
+
+impl FreeRunCoordinate {
+    /// Whether neither model diverges.
+    pub fn is_finite(&self) -> bool {
+        !self.before.is_empty() && !self.after.is_empty()
+    }
 }
 
 /// The force that the model as given lacks on one coordinate, N or N·m, at samples spread over the log.
@@ -50,4 +63,19 @@ pub struct ResidualForce {
     pub explained_by: Vec<(String, f64)>,
     /// The best signal's values at the same times, with its name and unit.
     pub best_signal: (String, String, Vec<f64>),
+    /// The mean force along each signal, those first that explain most.
+    pub profiles: Vec<Profile>,
+}
+
+/// The mean force in bins of a signal that hold as many samples each.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Profile {
+    /// The signal.
+    pub signal: String,
+    /// Its unit.
+    pub unit: String,
+    /// Range of the signal in each bin, from low to high.
+    pub ranges: Vec<[f64; 2]>,
+    /// Mean force in each bin.
+    pub force: Vec<f64>,
 }

@@ -9,28 +9,27 @@ use crate::shooting::{
     FitOptions, ObservedRun, Roller, Trajectory, Window, consecutive, fit, wrap_angle,
 };
 
-/// The gap before and after, and the free runs behind it.
+/// Free runs over held-out data by two models, with their parameters: before and after.
 ///
 /// Over the part of the recordings that is held out: the initial state is fitted on `lead` s with the same model, then the model
-/// runs free for `horizon` s. Errors of that part alone, in units of each coordinate's measurement noise. A window in which either
-/// model diverges counts for neither; one that touches what is masked is left out.
-pub fn gap(
+/// runs free for `horizon` s, or for less where `shorter` allows it and the recordings are too short. A window in which either model
+/// diverges counts for neither; one that touches what is masked is left out.
+pub fn free_runs(
     study: &Study,
     (before, before_theta): (&Hybrid, &[f64]),
     (after, after_theta): (&Hybrid, &[f64]),
     first_guess: &dyn Fn(usize, usize) -> Vec<f64>,
-    (lead, horizon): (f64, f64),
+    (lead, horizon, shorter): (f64, f64, bool),
     masked: &Masked,
-) -> (Gap, Vec<FreeRun>) {
+) -> Vec<FreeRun> {
     let observations = &study.observations;
-    let windows = masked.leave(held_out_windows(study, lead + horizon), observations);
-    let runs_before = free_runs(study, before, before_theta, &windows, first_guess, lead);
-    let runs_after = free_runs(study, after, after_theta, &windows, first_guess, lead);
+    let cut = held_out_windows(study, lead + horizon, shorter);
+    let windows = masked.leave(cut, observations);
+    let runs_before = rolled(study, before, before_theta, &windows, first_guess, lead);
+    let runs_after = rolled(study, after, after_theta, &windows, first_guess, lead);
 
     let nv = before.nv();
-    let mut squares = vec![(0.0, 0.0, 0_usize); nv];
     let mut curves = Vec::new();
-    let mut counted = 0;
     for (i, window) in windows.iter().enumerate() {
         let run = &observations.runs[window.run];
         let span = window.first..window.first + window.count;
@@ -46,73 +45,117 @@ pub fn gap(
                     .collect::<Vec<f64>>()
             })
         };
-        let mut free_run = FreeRun {
+        let coordinates = (0..nv)
+            .map(|c| {
+                let valid = &run.valid[c][span.clone()];
+                let free = |(k, valid): (usize, &bool)| *valid && k >= leading;
+                let curves = FreeRunCoordinate {
+                    measured: run.y[c][span.clone()].to_vec(),
+                    before: coordinate(c, &runs_before[i], before_theta, before),
+                    after: coordinate(c, &runs_after[i], after_theta, after),
+                    counts: valid.iter().enumerate().map(free).collect(),
+                };
+                continuous(curves, observations.channels[c].wraps)
+            })
+            .collect();
+        curves.push(FreeRun {
             run: window.run,
             start: run.t[window.first + leading - 1],
             t: run.t[span.clone()].to_vec(),
-            coordinates: Vec::new(),
-        };
-        let both = runs_before[i].is_some() && runs_after[i].is_some();
-        counted += usize::from(both);
-        for (c, sum) in squares.iter_mut().enumerate() {
-            let channel = &observations.channels[c];
-            let measured = &run.y[c][span.clone()];
-            let b = coordinate(c, &runs_before[i], before_theta, before);
-            let a = coordinate(c, &runs_after[i], after_theta, after);
-            if both {
-                for k in (leading..window.count).filter(|k| run.valid[c][window.first + k]) {
-                    sum.0 += channel.difference(measured[k], b[k]).powi(2);
-                    sum.1 += channel.difference(measured[k], a[k]).powi(2);
-                    sum.2 += 1;
-                }
-            }
-            free_run.coordinates.push(continuous(
-                FreeRunCoordinate {
-                    measured: measured.to_vec(),
-                    before: b,
-                    after: a,
-                },
-                channel.wraps,
-            ));
-        }
-        curves.push(free_run);
+            coordinates,
+        });
     }
+    curves
+}
 
-    let coordinates: Vec<CoordinateGap> = before
+/// The gap that free runs of `horizon` s show: errors of their free part alone, in units of each coordinate's measurement noise.
+pub fn gap(study: &Study, hybrid: &Hybrid, free_runs: &[FreeRun], horizon: f64) -> Gap {
+    let coordinates: Vec<CoordinateGap> = hybrid
         .mechanics()
         .coordinates()
         .iter()
-        .zip(&squares)
-        .zip(&observations.channels)
-        .map(|((coordinate, &(b, a, n)), channel)| {
-            let rms = |sum: f64| (sum / n.max(1) as f64).sqrt() / channel.noise;
+        .zip(&study.observations.channels)
+        .enumerate()
+        .map(|(c, (coordinate, channel))| {
+            let errors = Errors::of(free_runs, c, channel.noise, |_, _| true);
             CoordinateGap {
                 name: format!("q.{}", coordinate.name),
                 unit: coordinate.unit().into(),
-                before: rms(b),
-                after: rms(a),
+                before: errors.before,
+                after: errors.after,
                 noise_floor: 1.0,
                 noise: channel.noise,
             }
         })
         .collect();
-    let overall = |f: fn(&CoordinateGap) -> f64| {
-        let sum: f64 = coordinates.iter().map(|c| f(c).powi(2)).sum();
-        (sum / coordinates.len().max(1) as f64).sqrt()
-    };
-    let gap = Gap {
+    Gap {
         horizon_s: horizon,
-        windows: counted,
-        before: overall(|c| c.before),
-        after: overall(|c| c.after),
+        windows: finite(free_runs),
+        before: overall(coordinates.iter().map(|c| c.before)),
+        after: overall(coordinates.iter().map(|c| c.after)),
         noise_floor: 1.0,
+        horizons: Vec::new(),
+        regions: Vec::new(),
         coordinates,
-    };
-    (gap, curves)
+    }
 }
 
-/// Windows over what no fit has seen; shorter ones when the recordings are too short.
-fn held_out_windows(study: &Study, duration: f64) -> Vec<Window> {
+/// Number of free runs in which neither model diverges.
+pub fn finite(free_runs: &[FreeRun]) -> usize {
+    let whole = |run: &&FreeRun| run.coordinates.iter().all(FreeRunCoordinate::is_finite);
+    free_runs.iter().filter(whole).count()
+}
+
+/// Root mean square over the coordinates.
+pub fn overall(errors: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let n = errors.len().max(1) as f64;
+    (errors.map(|e| e * e).sum::<f64>() / n).sqrt()
+}
+
+/// Root-mean-square errors of one coordinate over some samples of free runs, in units of its noise; 0 without samples.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Errors {
+    /// Of the model as given.
+    pub before: f64,
+    /// Of the new model.
+    pub after: f64,
+    /// Number of samples.
+    pub samples: usize,
+}
+
+impl Errors {
+    /// Over the samples of coordinate `c` that count and that `keep` takes, by free run and index.
+    pub fn of(
+        free_runs: &[FreeRun],
+        c: usize,
+        noise: f64,
+        keep: impl Fn(&FreeRun, usize) -> bool,
+    ) -> Self {
+        let (mut before, mut after, mut samples) = (0.0, 0.0, 0_usize);
+        for run in free_runs {
+            let coordinate = &run.coordinates[c];
+            if !coordinate.is_finite() {
+                continue;
+            }
+            for (k, _) in coordinate.counts.iter().enumerate().filter(|c| *c.1) {
+                if keep(run, k) {
+                    before += (coordinate.measured[k] - coordinate.before[k]).powi(2);
+                    after += (coordinate.measured[k] - coordinate.after[k]).powi(2);
+                    samples += 1;
+                }
+            }
+        }
+        let rms = |sum: f64| (sum / samples.max(1) as f64).sqrt() / noise;
+        Errors {
+            before: rms(before),
+            after: rms(after),
+            samples,
+        }
+    }
+}
+
+/// Windows over what no fit has seen; `shorter` ones when the recordings are too short.
+fn held_out_windows(study: &Study, duration: f64, shorter: bool) -> Vec<Window> {
     let held_out = &study.windows.held_out;
     let mut windows = Vec::new();
     for (r, run) in study.observations.runs.iter().enumerate() {
@@ -124,7 +167,7 @@ fn held_out_windows(study: &Study, duration: f64) -> Vec<Window> {
             continue;
         };
         let mut cut = consecutive(r, &run.t[first..last], duration);
-        if cut.is_empty() {
+        if cut.is_empty() && shorter {
             cut = consecutive(r, &run.t[first..last], duration / 2.0);
         }
         windows.extend(cut.into_iter().map(|w| Window {
@@ -148,7 +191,7 @@ fn lead_samples(run: &ObservedRun, window: &Window, lead: f64) -> usize {
 }
 
 /// States over each window: `None` where the roll-out diverges.
-fn free_runs(
+fn rolled(
     study: &Study,
     hybrid: &Hybrid,
     theta: &[f64],

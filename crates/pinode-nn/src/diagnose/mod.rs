@@ -17,13 +17,16 @@ pub mod curves;
 mod experiment;
 mod found;
 mod gap;
+mod horizons;
 pub(crate) mod kept;
 mod locate;
 mod numerics;
+mod regions;
 mod score;
 mod screen;
 mod search;
 mod setup;
+pub mod sketch;
 pub(crate) mod smooth;
 mod study;
 mod unexplained;
@@ -187,28 +190,48 @@ pub(crate) fn diagnose_into(
         substeps: study.substeps,
     };
     let first_guess = |run: usize, k: usize| prepared.smoothed[run].state(k);
-    let (path, gap, free_runs) = loop {
+    let lead = LEAD_S.min(0.5 * prepared.window);
+    let (path, written, mut gap, free_runs) = loop {
         let revision = write_up::revision(model, &search, &provenance);
         let path = model.write_revision(out, file_name, &revision)?;
         // What is measured is what was written: the file is read back.
         let written = Hybrid::of(&Model::load(&path)?);
         let given = &search.null.hybrid;
-        let (gap, free_runs) = gap::gap(
+        let free_runs = gap::free_runs(
             study,
             (given, &given.theta()),
             (&written, &written.theta()),
             &first_guess,
-            (LEAD_S.min(0.5 * prepared.window), HORIZON_S),
+            (lead, HORIZON_S, true),
             &masked,
         );
+        let gap = gap::gap(study, given, &free_runs, HORIZON_S);
         // Windows without one in which both models stay finite count against what was found; no windows at all say nothing.
         let shrinks = gap.windows > 0 && gap.after < gap.before;
         if search.found.is_empty() || free_runs.is_empty() || shrinks {
-            break (path, gap, free_runs);
+            break (path, written, gap, free_runs);
         }
         report("what was found does not shrink the gap on unseen data: it is not added");
         search.withdraw();
     };
+    let given = &search.null.hybrid;
+    let longer = gap::free_runs(
+        study,
+        (given, &given.theta()),
+        (&written, &written.theta()),
+        &first_guess,
+        (lead, horizons::LONG_S, false),
+        &masked,
+    );
+    gap.horizons = [
+        (&free_runs, horizons::SHORT_S),
+        (&free_runs, HORIZON_S),
+        (&longer, horizons::LONG_S),
+    ]
+    .into_iter()
+    .filter_map(|(runs, horizon)| horizons::horizon(runs, &gap.coordinates, horizon))
+    .collect();
+    gap.regions = regions::regions(&residuals, &free_runs, &gap.coordinates);
 
     let something_is_left = search::is_unexplained(study, &search.model, search::UNEXPLAINED);
     let verdict = if !search.found.is_empty() {
@@ -256,9 +279,17 @@ pub(crate) fn diagnose_into(
         numerics,
         provenance,
     };
+    let sketch = model.tree.as_ref().and_then(|tree| {
+        let runs = &study.observations.runs;
+        let times: Vec<&[f64]> = runs.iter().map(|run| run.t.as_slice()).collect();
+        let null = &search.null;
+        let readings = null.hybrid.readings(&null.inside.theta, &[]);
+        sketch::sketch(tree, &prepared.smoothed, &times, &readings)
+    });
     Ok(Outcome {
         diagnosis,
         curves: Curves {
+            sketch,
             free_runs,
             residuals,
         },

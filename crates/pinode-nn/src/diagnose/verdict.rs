@@ -100,6 +100,14 @@ pub struct ParameterValue {
     pub unit: String,
 }
 
+impl ParameterValue {
+    /// Half the width of its 95 % interval, 1.96 standard errors; `None` when the data do not determine it.
+    pub fn half_interval(&self) -> Option<f64> {
+        const NORMAL: f64 = 1.959_963_984_540_054;
+        self.std.filter(|s| s.is_finite()).map(|s| NORMAL * s)
+    }
+}
+
 /// Another name for a found effect.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Alternative {
@@ -168,6 +176,28 @@ pub struct Evidence {
     pub relief: f64,
 }
 
+impl Evidence {
+    /// What it lacks of a significant gain that is large enough, seen and held out; nothing when it lacks nothing.
+    pub fn lacks(&self) -> Option<Lack> {
+        if !(self.z_fit > 4.0 && self.gain_fit > 0.05) {
+            Some(Lack::Gain)
+        } else if !(self.z_held_out > 2.0 && self.gain_held_out > 0.025) {
+            Some(Lack::GainHeldOut)
+        } else {
+            None
+        }
+    }
+}
+
+/// What the evidence for a name lacks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Lack {
+    /// A gain on the windows that the fit saw.
+    Gain,
+    /// A gain on the windows held out, though there is one on the others.
+    GainHeldOut,
+}
+
 /// Free-run errors over held-out windows.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Gap {
@@ -183,6 +213,57 @@ pub struct Gap {
     pub after: f64,
     /// The sensor noise itself: 1. Free runs start from an estimated state, so even a perfect model stays above it.
     pub noise_floor: f64,
+    /// The same for shorter and longer free runs, the shortest first.
+    pub horizons: Vec<Horizon>,
+    /// Errors inside and outside of where the missing force is large, for each coordinate where it follows a signal.
+    pub regions: Vec<Region>,
+}
+
+/// Free-run errors over one horizon.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Horizon {
+    /// Length of the free runs, s.
+    pub horizon_s: f64,
+    /// Number of free runs that count.
+    pub windows: usize,
+    /// Number of those left out because a model diverges.
+    pub diverged: usize,
+    /// Root mean square over the coordinates, each in units of its noise, before.
+    pub before: f64,
+    /// The same, after.
+    pub after: f64,
+}
+
+/// Where the missing force of a coordinate is large, and the free-run errors of that coordinate there and elsewhere.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Region {
+    /// The coordinate.
+    pub coordinate: String,
+    /// The signal that the force follows.
+    pub signal: String,
+    /// Its unit.
+    pub unit: String,
+    /// The ranges of the signal in which the mean square force is more than half of its largest.
+    pub ranges: Vec<[f64; 2]>,
+    /// Share of the squared force that lies in them.
+    pub force_share: f64,
+    /// Share of the time that lies in them.
+    pub time_share: f64,
+    /// Errors at the samples in them.
+    pub inside: RegionErrors,
+    /// Errors at the others.
+    pub outside: RegionErrors,
+}
+
+/// Free-run errors of a coordinate over some samples, in units of its measurement noise.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct RegionErrors {
+    /// Before.
+    pub before: f64,
+    /// After.
+    pub after: f64,
+    /// Number of samples.
+    pub samples: usize,
 }
 
 /// One coordinate's free-run error, in units of its measurement noise.
@@ -453,4 +534,43 @@ pub struct LogProvenance {
     pub sha256: String,
     /// Whether it was given to be held out.
     pub held_out: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::score::Paired;
+    use super::super::study::Comparison;
+    use super::*;
+
+    #[test]
+    fn evidence_lacks_nothing_exactly_where_the_search_takes_it_as_an_explanation() {
+        let paired = |z: f64| Paired {
+            z,
+            gain: 100.0,
+            windows: 72,
+        };
+        for z_fit in [3.9, 4.1] {
+            for z_held_out in [1.9, 2.1] {
+                for gain_fit in [0.049, 0.051] {
+                    for gain_held_out in [0.024, 0.026] {
+                        let evidence = Evidence {
+                            z_fit,
+                            z_held_out,
+                            gain_fit,
+                            gain_held_out,
+                            relief: 0.0,
+                        };
+                        let comparison = Comparison {
+                            inside: paired(z_fit),
+                            outside: paired(z_held_out),
+                            inside_gain: gain_fit,
+                            outside_gain: gain_held_out,
+                            relief: 0.0,
+                        };
+                        assert_eq!(evidence.lacks().is_none(), comparison.explains());
+                    }
+                }
+            }
+        }
+    }
 }

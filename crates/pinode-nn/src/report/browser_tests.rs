@@ -30,7 +30,7 @@ window.addEventListener("load", () => setTimeout(() => {
   const figures = [...document.querySelectorAll("figure > .plot")].map(plot => {
     const box = plot.getBoundingClientRect();
     const svg = plot.querySelector("svg.main-svg");
-    const drawn = plot.querySelector(".scatterlayer path, .scatterlayer .point, .barlayer path");
+    const drawn = plot.querySelector(".scatterlayer path, .scatterlayer .point, .barlayer path, .heatmaplayer image");
     const at = svg ? svg.getBoundingClientRect() : { width: 0, height: 0, right: 0 };
     return { width: at.width, height: at.height, beyond: at.right - box.right, drawn: drawn !== null };
   });
@@ -191,7 +191,7 @@ fn the_report_is_whole_in_a_browser_wide_and_narrow_light_and_dark() {
     let page = report_with_everything(dir.path());
     let figures = page.matches("Plotly.newPlot(").count()
         - figures::script().matches("Plotly.newPlot(").count();
-    assert!(figures >= 8, "{figures}");
+    assert!(figures >= 11, "{figures}");
     for (width, dark) in [(1280, false), (1280, true), (400, false), (400, true)] {
         let seen = seen(&browser, dir.path(), &page, width, dark);
         let at = format!("at {width} px, dark {dark}: {seen}");

@@ -16,11 +16,11 @@ const MOST_POINTS: usize = 2000;
 /// More signals are not shown in a bar chart.
 const MOST_SIGNALS: usize = 8;
 
-const MEASURED: &str = "#8a8f94";
-const BEFORE: &str = "#d95f02";
-const AFTER: &str = "#1b87c9";
+pub const MEASURED: &str = "#8a8f94";
+pub const BEFORE: &str = "#d95f02";
+pub const AFTER: &str = "#1b87c9";
 /// Reads on white and on black.
-const TEXT: &str = "#80868c";
+pub const TEXT: &str = "#80868c";
 
 /// A figure and what it shows.
 pub struct Figure {
@@ -122,14 +122,10 @@ fn error(
         if curve(coordinate).is_empty() {
             return f64::INFINITY;
         }
-        for ((t, y), s) in run
-            .t
-            .iter()
-            .zip(&coordinate.measured)
-            .zip(curve(coordinate))
-        {
+        let pairs = coordinate.measured.iter().zip(curve(coordinate));
+        for ((y, s), counts) in pairs.zip(&coordinate.counts) {
             let square = ((y - s) / noise).powi(2);
-            if *t >= run.start && square.is_finite() {
+            if *counts && square.is_finite() {
                 sum += square;
                 count += 1;
             }
@@ -220,7 +216,7 @@ pub fn residual(
         .iter()
         .filter(|(_, share)| share.is_finite())
         .take(MOST_SIGNALS)
-        .map(|(name, share)| (escaped(name), 100.0 * share.max(0.0)))
+        .map(|(name, share)| (wrapped(name), 100.0 * share.max(0.0)))
         .collect();
     shares.reverse(); // plotly draws the first at the bottom
     if !shares.is_empty() {
@@ -239,6 +235,7 @@ pub fn residual(
             html: drawn(plot, layout, &format!("shares-{number}")),
         });
     }
+    figures.extend(super::profiles::profiles(residual, number));
     figures
 }
 
@@ -298,10 +295,23 @@ fn label(name: &str, unit: &str) -> String {
 }
 
 /// Plotly reads some tags and entities in its texts.
-fn escaped(text: &str) -> String {
+pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")
+}
+
+/// The same in lines of about 16 letters.
+pub fn wrapped(text: &str) -> String {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split(' ') {
+        match lines.last_mut().filter(|l| l.len() + word.len() < 18) {
+            Some(line) => *line = format!("{line} {word}"),
+            None => lines.push(word.to_owned()),
+        }
+    }
+    let lines: Vec<String> = lines.iter().map(|line| escaped(line)).collect();
+    lines.join("<br>")
 }
 
 fn band(from: f64, to: f64, color: Rgba) -> Shape {
@@ -318,7 +328,8 @@ fn band(from: f64, to: f64, color: Rgba) -> Shape {
         .line(ShapeLine::new().width(0.0))
 }
 
-fn axis(title: &str) -> Axis {
+/// A quiet axis.
+pub fn axis(title: &str) -> Axis {
     let faint = Rgba::new(128, 128, 128, 0.25);
     let axis = Axis::new()
         .auto_margin(true)
@@ -330,7 +341,8 @@ fn axis(title: &str) -> Axis {
     }
 }
 
-fn layout(x: &str, y: &str) -> Layout {
+/// The layout that all figures share.
+pub fn layout(x: &str, y: &str) -> Layout {
     let clear = Rgba::new(0, 0, 0, 0.0);
     Layout::new()
         .paper_background_color(clear)
@@ -349,7 +361,8 @@ fn layout(x: &str, y: &str) -> Layout {
         .y_axis(axis(y))
 }
 
-fn drawn(mut plot: Plot, layout: Layout, id: &str) -> String {
+/// A `div` with the figure, and the script that draws in it.
+pub fn drawn(mut plot: Plot, layout: Layout, id: &str) -> String {
     plot.set_layout(layout);
     plot.set_configuration(
         Configuration::new()

@@ -1,7 +1,11 @@
 //! `report.html`: a diagnosis for people, in one file that needs no network.
 
 mod figures;
+mod gaps;
 mod page;
+mod profiles;
+mod ruled_out;
+mod sketch;
 pub(crate) mod words;
 
 use std::path::{Path, PathBuf};

@@ -5,12 +5,15 @@
 use askama::Template;
 
 use super::figures::{self, Figure, ShownRun};
+use super::gaps::{self, GapRow, HorizonRow, RegionRow, ResidualRow};
+use super::ruled_out::{self, RuledOut};
+use super::sketch::{self, SketchText};
 use super::words::{
-    capital, number, percent, plain, quantity, short, uncertain, verdict, with_unit,
+    capital, interval, number, percent, plain, quantity, short, uncertain, verdict, with_unit,
 };
 use crate::diagnose::curves::Curves;
 use crate::diagnose::verdict::{
-    Diagnosis, Evidence, Gap, Name, NamedEffect, Provenance, SearchStep, Verdict,
+    Diagnosis, Evidence, Name, NamedEffect, Provenance, SearchStep, Verdict,
 };
 
 /// Intervals of a data fault that are listed.
@@ -25,8 +28,13 @@ pub struct Page<'a> {
     script: String,
     verdict: String,
     model: &'a str,
+    sketch: Option<SketchText>,
     gap_sentence: String,
     gap: Vec<GapRow>,
+    horizons: Vec<HorizonRow>,
+    horizon_figure: Vec<Figure>,
+    regions: Vec<RegionRow>,
+    residuals: Vec<ResidualRow>,
     runs: Vec<ShownRun>,
     effects: Vec<EffectText>,
     advice: &'a [String],
@@ -36,6 +44,10 @@ pub struct Page<'a> {
     places: Vec<Place>,
     constants: Vec<ConstantRow>,
     steps: Vec<Vec<CandidateRow>>,
+    ruled_out: Vec<RuledOut>,
+    alike: Vec<String>,
+    /// Whether a found effect has names that these data cannot tell from it.
+    tied: bool,
     faults: Vec<FaultRow<'a>>,
     /// Whether the faults of the data are the verdict.
     data_first: bool,
@@ -45,19 +57,9 @@ pub struct Page<'a> {
     model_toml: &'a str,
 }
 
-struct GapRow {
-    name: String,
-    before: String,
-    after: String,
-    floor: String,
-    noise: String,
-    left: String,
-    total: bool,
-}
-
 struct EffectText {
     title: String,
-    parameters: Vec<(String, String)>,
+    parameters: Vec<(String, String, String)>,
     evidence: String,
     alternatives: String,
     ties: String,
@@ -84,7 +86,7 @@ struct CandidateRow {
     gain_fit: String,
     gain_held_out: String,
     wins: String,
-    result: &'static str,
+    result: String,
     accepted: bool,
 }
 
@@ -108,8 +110,13 @@ impl<'a> Page<'a> {
             script: figures::script(),
             verdict: verdict(diagnosis),
             model: &provenance.model,
-            gap_sentence: gap_sentence(&diagnosis.gap),
-            gap: gap_rows(&diagnosis.gap),
+            sketch: curves.sketch.as_ref().map(|s| sketch::text(s, diagnosis)),
+            gap_sentence: gaps::sentence(&diagnosis.gap),
+            gap: gaps::rows(&diagnosis.gap),
+            horizons: gaps::horizons(&diagnosis.gap),
+            horizon_figure: gaps::horizon_figure(&diagnosis.gap).into_iter().collect(),
+            regions: gaps::regions(&diagnosis.gap),
+            residuals: gaps::residuals(diagnosis),
             runs: figures::free_runs(diagnosis, curves),
             effects: diagnosis.effects.iter().map(effect).collect(),
             advice: &diagnosis.advice,
@@ -126,6 +133,12 @@ impl<'a> Page<'a> {
             places: places(diagnosis, curves),
             constants: constants(diagnosis),
             steps: diagnosis.search.iter().map(candidates).collect(),
+            ruled_out: ruled_out::ruled_out(diagnosis),
+            alike: ruled_out::alike(diagnosis),
+            tied: diagnosis
+                .effects
+                .iter()
+                .any(|e| !e.indistinguishable_from.is_empty()),
             faults: faults(diagnosis),
             data_first: diagnosis.verdict == Verdict::DataFault,
             command,
@@ -141,45 +154,6 @@ impl<'a> Page<'a> {
     }
 }
 
-fn gap_sentence(gap: &Gap) -> String {
-    if gap.windows == 0 {
-        return "No free run was possible on data held out.".to_owned();
-    }
-    format!(
-        "Root-mean-square errors of {} free runs of {} s, each coordinate in units of its own sensor noise. Free runs start from an estimated state, so even a perfect model shows more than 1.",
-        gap.windows,
-        short(gap.horizon_s)
-    )
-}
-
-fn gap_rows(gap: &Gap) -> Vec<GapRow> {
-    let mut rows: Vec<GapRow> = gap
-        .coordinates
-        .iter()
-        .map(|c| GapRow {
-            name: c.name.strip_prefix("q.").unwrap_or(&c.name).to_owned(),
-            before: number(c.before),
-            after: number(c.after),
-            floor: short(c.noise_floor),
-            noise: with_unit(number(c.noise), &c.unit),
-            left: with_unit(number(c.after * c.noise), &c.unit),
-            total: false,
-        })
-        .collect();
-    if rows.len() > 1 {
-        rows.push(GapRow {
-            name: "all".to_owned(),
-            before: number(gap.before),
-            after: number(gap.after),
-            floor: short(gap.noise_floor),
-            noise: String::new(),
-            left: String::new(),
-            total: true,
-        });
-    }
-    rows
-}
-
 fn effect(effect: &NamedEffect) -> EffectText {
     let listed = |all: Vec<String>| all.join(", or ");
     EffectText {
@@ -193,11 +167,14 @@ fn effect(effect: &NamedEffect) -> EffectText {
             .parameters
             .iter()
             .map(|(name, value)| {
-                let determined = match value.std {
-                    Some(std) if std.is_finite() => "",
-                    _ => " (standard error not determined by these data)",
+                let interval = match value.half_interval() {
+                    Some(half) => with_unit(
+                        interval([value.value - half, value.value + half], half),
+                        &value.unit,
+                    ),
+                    None => "not determined by these data".to_owned(),
                 };
-                (plain(name), format!("{}{determined}", quantity(value)))
+                (plain(name), quantity(value), interval)
             })
             .collect(),
         evidence: format!(
@@ -221,7 +198,7 @@ fn effect(effect: &NamedEffect) -> EffectText {
     }
 }
 
-fn name(name: &Name) -> String {
+pub fn name(name: &Name) -> String {
     format!("{} on {}", plain(&name.kind), name.target)
 }
 
@@ -272,16 +249,15 @@ fn candidates(step: &SearchStep) -> Vec<CandidateRow> {
         let seen = |s: &&_| matches(s, kind, target);
         step.screened.iter().find(seen).map(|s| (s.gain, s.t2))
     };
-    let refined = step.refined.iter().map(|r| {
+    let refined = step.refined.iter().enumerate().map(|(k, r)| {
         let names: Vec<String> = r.names.iter().map(name).collect();
         let single = match r.names.as_slice() {
             [one] => screen(&one.kind, &one.target),
             _ => None, // a pair is screened as a pair
         };
-        let result = match (r.accepted, r.numerical) {
-            (true, _) => "added",
-            (false, true) => "not added: its gain is numerical",
-            (false, false) => "not added",
+        let result = match r.accepted {
+            true => "added".to_owned(),
+            false => format!("not added: {}", ruled_out::reason(step, k)),
         };
         row(
             names.join(" and "),
@@ -301,7 +277,7 @@ fn candidates(step: &SearchStep) -> Vec<CandidateRow> {
             format!("{} on {}", plain(&s.kind), s.target),
             Some((s.gain, s.t2)),
             None,
-            "not refined",
+            "not refined".to_owned(),
             false,
         )
     });
@@ -316,7 +292,7 @@ fn row(
     name: String,
     screen: Option<(f64, f64)>,
     refined: Option<(Evidence, f64)>,
-    result: &'static str,
+    result: String,
     accepted: bool,
 ) -> CandidateRow {
     let or_dash = |x: Option<f64>| number(x.unwrap_or(f64::NAN));

@@ -73,6 +73,16 @@ pub fn uncertain(value: f64, std: Option<f64>) -> String {
     }
 }
 
+/// An interval to the second digit of half its width: `0.292 to 0.333`.
+pub fn interval([from, to]: [f64; 2], half: f64) -> String {
+    let size = exponent(from.abs().max(to.abs()), 2);
+    if !(from.is_finite() && to.is_finite() && half > 0.0 && is_plain(size)) {
+        return format!("{} to {}", number(from), number(to));
+    }
+    let last = (exponent(half, 1) - 1).max(size - 5);
+    format!("{} to {}", fixed(from, -last), fixed(to, -last))
+}
+
 /// `0.31 ± 0.01 N`; ratios have no unit.
 pub fn quantity(parameter: &ParameterValue) -> String {
     with_unit(uncertain(parameter.value, parameter.std), &parameter.unit)
@@ -282,6 +292,14 @@ mod tests {
         assert_eq!(uncertain(1.0, Some(1e-12)), "1.00000 ± 0.00000");
         assert_eq!(uncertain(0.5, None), "0.500");
         assert_eq!(uncertain(0.5, Some(f64::NAN)), "0.500");
+    }
+
+    #[test]
+    fn an_interval_has_as_many_digits_as_its_width_deserves() {
+        assert_eq!(interval([0.2920, 0.3328], 0.0204), "0.292 to 0.333");
+        assert_eq!(interval([-0.01, 0.03], 0.02), "-0.010 to 0.030");
+        assert_eq!(interval([1e-7, 3e-7], 1e-7), "1.00×10⁻⁷ to 3.00×10⁻⁷");
+        assert_eq!(interval([2.0, 2.0], 0.0), "2.00 to 2.00");
     }
 
     #[test]
