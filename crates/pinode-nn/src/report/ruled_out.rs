@@ -67,7 +67,10 @@ pub fn reason(step: &SearchStep, k: usize) -> String {
     let accepted = step.refined.iter().position(|r| r.accepted);
     match accepted.and_then(|a| Some((a, step.refined.get(a)?))) {
         Some((a, better)) if a > k => {
-            format!("a simpler name does as well: {}", joined(&better.names))
+            format!(
+                "{} does as well, with fewer constants or with what was added after it",
+                joined(&better.names)
+            )
         }
         Some((_, better)) => format!(
             "{} explains the windows better; it wins in {} of the resamplings",

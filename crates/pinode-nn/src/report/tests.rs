@@ -334,7 +334,7 @@ fn the_report_says_the_verdict_and_everything_it_rests_on() {
         "linear spring and cubic spring on slider (correlation of what they move: 0.967)",
         "0.292 to 0.333 N",
         "at t = 17.2 s of recording 1",
-        "slider: <b>Coulomb friction</b>",
+        r"slider: \u003cb\u003eCoulomb friction\u003c/b\u003e",
         "mass of cart",
         "0.4689 ± 0.0021",
         "and 3 more",
@@ -410,7 +410,7 @@ fn a_name_that_was_not_added_has_its_reason() {
     d.search[0].refined.swap(0, 2);
     assert_eq!(
         reason(&d.search[0], 0),
-        "a simpler name does as well: Coulomb friction on slider"
+        "Coulomb friction on slider does as well, with fewer constants or with what was added after it"
     );
     d.search[0].refined[0].evidence.z_fit = 3.0;
     assert!(reason(&d.search[0], 0).starts_with("no gain that counts"));
