@@ -1,8 +1,8 @@
 //! Coulomb friction that depends on the direction: Q = −F₊ s for v > 0, −F₋ s for v < 0, s = sgn(v) spread over the smoothing
 //! velocity; written −½(F₊ + F₋) s − ½(F₊ − F₋) s².
 //!
-//! F₊, F₋ in N or N·m. While sliding it is the same as Coulomb friction of their mean and a constant force of half their
-//! difference: only rest tells the two apart.
+//! F₊, F₋ in N or N·m. It is the same as Coulomb friction of their mean and a constant force of half their difference, at rest
+//! too, where both hold the same range of forces: only what turns the constant force, as turning the base does, tells the two apart.
 
 use integrators::event::Direction;
 use lagrange::Scalar;
