@@ -72,17 +72,22 @@ pub(super) fn whole(setting: &Setting, output: &Output) -> Result<(), Error> {
             "hidden": key.hidden,
             "judgement": judgement,
             "diagnosis": diagnosis,
-            "files": {
-                "report": finished.report,
-                "diagnosis": finished.json,
-                "revised_model": finished.model,
-                "model": recorded.model,
-                "log": recorded.log,
-                "key": recorded.key,
-            },
+            "files": places(&recorded, &finished),
         }))?;
     }
     Ok(())
+}
+
+/// Where everything is.
+fn places(recorded: &Recorded, finished: &Finished) -> serde_json::Value {
+    json!({
+        "report": finished.report,
+        "diagnosis": finished.json,
+        "revised_model": finished.model,
+        "model": recorded.model,
+        "log": recorded.log,
+        "key": recorded.key,
+    })
 }
 
 /// The end where the key stays closed.
@@ -95,14 +100,7 @@ fn sealed(recorded: &Recorded, finished: &Finished, output: &Output) -> Result<(
     if output.json {
         output.document(&json!({
             "diagnosis": finished.diagnosis,
-            "files": {
-                "report": finished.report,
-                "diagnosis": finished.json,
-                "revised_model": finished.model,
-                "model": recorded.model,
-                "log": recorded.log,
-                "key": recorded.key,
-            },
+            "files": places(recorded, finished),
         }))?;
     }
     Ok(())

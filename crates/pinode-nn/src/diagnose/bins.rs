@@ -53,14 +53,16 @@ pub fn explained_by(force: &[f64], signals: &[&[f64]], bins: usize) -> f64 {
     (1.0 - ratio).max(0.0)
 }
 
+/// Numbers between −1 and 1 without an order, for tests.
+#[cfg(test)]
+pub(super) fn pseudo(k: usize, salt: f64) -> f64 {
+    let x = ((k as f64 + salt) * 12.9898).sin() * 43758.5453;
+    2.0 * (x - x.floor()) - 1.0
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn pseudo(k: usize, salt: f64) -> f64 {
-        let x = ((k as f64 + salt) * 12.9898).sin() * 43758.5453;
-        2.0 * (x - x.floor()) - 1.0
-    }
 
     #[test]
     fn a_signal_that_says_nothing_explains_nothing_however_many_bins_there_are() {

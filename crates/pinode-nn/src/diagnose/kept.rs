@@ -155,15 +155,16 @@ impl Study {
         state_iterations: usize,
         iterations: usize,
     ) -> Fitted {
-        let Some(kept) = &self.kept else {
-            return self.fit_anew(hybrid, start, state_iterations, iterations);
-        };
-        let key = key(self, &hybrid, &start, [state_iterations, iterations]);
         let substeps = self.substeps_for(&hybrid, &start.theta);
-        let (inside, outside) = kept.or_fit(key, || {
-            let fitted = self.fit_anew(hybrid.clone(), start, state_iterations, iterations);
-            (fitted.inside, fitted.outside)
-        });
+        let (inside, outside) = match &self.kept {
+            Some(kept) => {
+                let key = key(self, &hybrid, &start, [state_iterations, iterations]);
+                kept.or_fit(key, || {
+                    self.fit_anew(&hybrid, start, state_iterations, iterations)
+                })
+            }
+            None => self.fit_anew(&hybrid, start, state_iterations, iterations),
+        };
         let channels = &self.observations.channels;
         Fitted {
             inside_scores: window_scores(&inside, channels),

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::candidate::Candidate;
 use super::study::{Fitted, Study};
 use crate::effect::Kind;
-use crate::hybrid::{DrivenInputs, HiddenPath, Hybrid, Placed, Reading};
+use crate::hybrid::{DrivenInputs, HiddenPath, Hybrid, Memory, Placed, Reading};
 use crate::shooting::problem::Problem;
 use crate::shooting::{Accumulator, Roller, Trajectory, Variation, Window};
 
@@ -137,18 +137,18 @@ impl Probed {
 
     /// Its states at the samples of a window that starts at `state` in the fitted model; whether there are any. To first order about
     /// the fitted model's roll-out where it is but a force along it; where it has states of its own or changes the mechanics, it is
-    /// rolled out.
+    /// rolled out. `memory` is one for the fitted model: what is but a force has the same states.
     fn rolled(
         &self,
         (window, state): (&Window, &[f64]),
         (states, steps): (&[f64], &Variation),
+        memory: &mut Memory,
         out: &mut Vec<f64>,
     ) -> bool {
         let inputs = &self.inputs[window.run];
         if self.is_force {
-            let mut memory = self.hybrid.memory(&[]);
             let with = (&self.hybrid, self.theta.as_slice(), inputs);
-            steps.under(states, with, &mut memory, out);
+            steps.under(states, with, memory, out);
             return out.iter().all(|x| x.is_finite());
         }
         let span = (window.first, window.count);
@@ -246,11 +246,12 @@ pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) ->
             .ok()?;
         let residuals: Vec<_> = problem.residuals(window, &readings, &null.states).collect();
         // The change of what is read by each probe; nothing where it diverges.
-        let mut states = Vec::new();
+        let (mut memory, mut states) = (hybrid.memory(&[]), Vec::new());
         let changes: Vec<Vec<f64>> = probed
             .iter()
             .map(|with| {
-                if !with.rolled((window, state), (&null.states, &steps), &mut states) {
+                let from = (&*null.states, &steps);
+                if !with.rolled((window, state), from, &mut memory, &mut states) {
                     return vec![0.0; residuals.len()];
                 }
                 let sizes = (with.hybrid.nv(), with.hybrid.nx());

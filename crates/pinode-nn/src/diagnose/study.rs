@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::kept::Kept;
-use super::score::{Paired, paired, samples_per_window, window_scores};
+use super::score::{Paired, paired, samples_per_window};
 use super::smooth::Smoothed;
 use crate::effect::{Kind, Scales};
 use crate::hybrid::{HiddenPath, Hybrid, Placed, Reading};
@@ -208,44 +208,44 @@ impl Study {
         }
     }
 
-    /// Fits a model; [`fit`](Self::fit) does so unless the fit is kept already.
+    /// The fits of a model to the seen windows and to those held out; [`fit`](Self::fit) makes them unless they are kept already.
     pub(super) fn fit_anew(
         &self,
-        hybrid: Hybrid,
+        hybrid: &Hybrid,
         start: Start,
         state_iterations: usize,
         iterations: usize,
-    ) -> Fitted {
+    ) -> (Fit, Fit) {
         let free = hybrid.free();
-        let substeps = self.substeps_for(&hybrid, &start.theta);
+        let substeps = self.substeps_for(hybrid, &start.theta);
         let options = FitOptions {
             substeps,
             iterations,
             state_iterations,
         };
-        let paths = self.hidden_paths(&hybrid, &start.theta, substeps);
+        let paths = self.hidden_paths(hybrid, &start.theta, substeps);
         let prior =
-            |theta: &[f64], windows: &[Window]| self.hidden_prior(&hybrid, theta, windows, &paths);
+            |theta: &[f64], windows: &[Window]| self.hidden_prior(hybrid, theta, windows, &paths);
         let known = prior(&start.theta, &self.windows.fit);
         let inside = fit(
-            &hybrid,
+            hybrid,
             &self.observations,
             &self.windows.fit,
             &free,
             start.theta,
-            with_hidden(&hybrid, &start.hidden, start.inside, &known),
+            with_hidden(hybrid, &start.hidden, start.inside, &known),
             start.sigma,
             &known,
             &options,
         );
         let known = prior(&inside.theta, &self.windows.held_out);
         let outside = fit(
-            &hybrid,
+            hybrid,
             &self.observations,
             &self.windows.held_out,
             &[],
             inside.theta.clone(),
-            with_hidden(&hybrid, &start.hidden, start.outside, &known),
+            with_hidden(hybrid, &start.hidden, start.outside, &known),
             inside.sigma.clone(),
             &known,
             &FitOptions {
@@ -253,15 +253,7 @@ impl Study {
                 ..options
             },
         );
-        let channels = &self.observations.channels;
-        Fitted {
-            inside_scores: window_scores(&inside, channels),
-            outside_scores: window_scores(&outside, channels),
-            hybrid,
-            inside,
-            outside,
-            substeps,
-        }
+        (inside, outside)
     }
 }
 

@@ -420,12 +420,8 @@ fn sentences(u: &Unexplained) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::bins::pseudo;
     use super::*;
-
-    fn pseudo(k: usize, salt: f64) -> f64 {
-        let x = ((k as f64 + salt) * 12.9898).sin() * 43758.5453;
-        2.0 * (x - x.floor()) - 1.0
-    }
 
     #[test]
     fn an_odd_curve_is_odd_and_an_even_one_even_whatever_its_constant() {

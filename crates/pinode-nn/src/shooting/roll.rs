@@ -147,17 +147,7 @@ impl<'a> Roller<'a> {
         out: &mut Trajectory,
     ) -> Result<(), Diverged> {
         let nx = initial.len();
-        let size = nx + nx * self.columns();
-        let system = WithSensitivities {
-            hybrid: self.hybrid,
-            theta,
-            free: self.free,
-            inputs,
-            space: Flat::new(size),
-        };
-        self.state.clear();
-        self.state.extend_from_slice(initial);
-        self.state.resize(size, 0.0);
+        let system = self.with_sensitivities(theta, inputs, initial);
         for i in 0..nx {
             self.state[nx + i * nx + i] = 1.0;
         }
@@ -184,13 +174,39 @@ impl<'a> Roller<'a> {
     }
 }
 
+impl<'a> Roller<'a> {
+    /// The system of (x, S); the state becomes (`initial`, 0).
+    pub(super) fn with_sensitivities<'b>(
+        &mut self,
+        theta: &'b [f64],
+        inputs: &'b DrivenInputs,
+        initial: &[f64],
+    ) -> WithSensitivities<'b>
+    where
+        'a: 'b,
+    {
+        let nx = initial.len();
+        let size = nx + nx * self.columns();
+        self.state.clear();
+        self.state.extend_from_slice(initial);
+        self.state.resize(size, 0.0);
+        WithSensitivities {
+            hybrid: self.hybrid,
+            theta,
+            free: self.free,
+            inputs,
+            space: Flat::new(size),
+        }
+    }
+}
+
 /// (x, S) with Ṡ = (∂f/∂x) S + ∂f/∂θ, for a flat space of x.
 pub(super) struct WithSensitivities<'a> {
-    pub hybrid: &'a Hybrid,
-    pub theta: &'a [f64],
-    pub free: &'a [usize],
-    pub inputs: &'a DrivenInputs,
-    pub space: Flat,
+    hybrid: &'a Hybrid,
+    theta: &'a [f64],
+    free: &'a [usize],
+    inputs: &'a DrivenInputs,
+    space: Flat,
 }
 
 impl System for WithSensitivities<'_> {

@@ -1,8 +1,7 @@
 //! What small forces along a roll-out do to it, to first order.
 
-use integrators::{Flat, Method};
+use integrators::Method;
 
-use super::roll::WithSensitivities;
 use super::{Diverged, Roller, Trajectory};
 use crate::hybrid::{DrivenInputs, Hybrid, Memory};
 
@@ -37,14 +36,7 @@ impl Roller<'_> {
         steps: &mut Variation,
     ) -> Result<(), Diverged> {
         let nx = initial.len();
-        let size = nx + nx * self.columns();
-        let system = WithSensitivities {
-            hybrid: self.hybrid,
-            theta,
-            free: self.free,
-            inputs,
-            space: Flat::new(size),
-        };
+        let system = self.with_sensitivities(theta, inputs, initial);
         let substeps = inputs.grid.substeps;
         *steps = Variation {
             first: first * substeps,
@@ -54,13 +46,10 @@ impl Roller<'_> {
             to.fill(0.0);
             (0..nx).for_each(|i| to[i * nx + i] = 1.0);
         };
-        let mut total = vec![0.0; size - nx];
+        let mut total = vec![0.0; nx * self.columns()];
         unit(&mut total);
         let mut next = total.clone();
         let mut middle = vec![0.0; nx];
-        self.state.clear();
-        self.state.extend_from_slice(initial);
-        self.state.resize(size, 0.0);
         out.states.clear();
         out.sensitivities.clear();
         out.states.extend_from_slice(initial);
