@@ -55,6 +55,9 @@ struct Cli {
     /// File of lines: new ones are appended, logs that are in it are left out [default: only the tables are written]
     #[arg(long, value_name = "FILE")]
     lines: Option<PathBuf>,
+    /// Keep each log, its model and its diagnosis in a folder of this one, named by its id [default: they are thrown away]
+    #[arg(long, value_name = "DIR")]
+    keep: Option<PathBuf>,
     /// Folder of the mechanisms [default: models]
     #[arg(long, value_name = "DIR")]
     models: Option<PathBuf>,
@@ -128,7 +131,7 @@ fn score(cli: &Cli) -> Result<(), Box<dyn Error>> {
             let (sender, cases, next, models) = (sender.clone(), &cases, &next, &models);
             scope.spawn(move || {
                 while let Some(case) = cases.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let line = one(case, models, usize::from(cli.threads), jobs == 1);
+                    let line = one(case, models, cli, jobs == 1);
                     // Nobody listens where the file of lines cannot be written: then there is nothing more to do.
                     if sender
                         .send(line.map_err(|e| format!("{}: {e}", case.id())))
@@ -174,18 +177,25 @@ fn say(text: &str) {
     let _ = writeln!(std::io::stdout(), "{text}");
 }
 
-/// A log on its own threads, with a folder that is gone afterwards.
+/// A log on its own threads, with a folder that is gone afterwards unless it is to be kept.
 fn one(
     case: &Case,
     models: &Path,
-    threads: usize,
+    cli: &Cli,
     alone: bool,
 ) -> Result<Line, Box<dyn Error + Send + Sync>> {
-    let dir = tempfile::tempdir()?;
     let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
+        .num_threads(usize::from(cli.threads))
         .build()?;
-    Ok(pool.install(|| run(case, models, dir.path(), alone))?)
+    let within = |dir: &Path| pool.install(|| run(case, models, dir, alone));
+    Ok(match &cli.keep {
+        Some(folder) => {
+            let own = folder.join(case.id());
+            std::fs::create_dir_all(&own)?;
+            within(&own)?
+        }
+        None => within(tempfile::tempdir()?.path())?,
+    })
 }
 
 /// The lines there are, and the file for more.

@@ -45,7 +45,7 @@ fn with_every_effect(transmission: &str) -> Hybrid {
             "actuator_lag" => &[0.03],
             "input_dead_zone" => &[0.2],
             "input_saturation" => &[1.9],
-            "backlash" => &[0.01, 900.0, 3.0, 0.08],
+            "backlash" => &[0.01, 900.0, 3.0, 0.07],
             "elastic_transmission" => &[300.0, 2.0, 0.07],
             "sensor_offset" => &[0.02],
             "sensor_scale" => &[0.03],

@@ -38,9 +38,13 @@ impl Candidate {
                 if kind.stop().is_some() && coordinates.get(target).is_some_and(|c| c.wraps) {
                     continue;
                 }
+                let place = match kind.acts_on() {
+                    ActsOn::Input => hybrid.coordinate_of(kind, target),
+                    _ => target,
+                };
                 if kind
                     .inertial()
-                    .is_some_and(|change| !hybrid.may_change(change, target))
+                    .is_some_and(|change| !hybrid.may_change(change, place))
                 {
                     continue;
                 }
@@ -142,6 +146,7 @@ mod tests {
     fn mechanics_may_be_changed_where_there_is_a_body_a_joint_or_a_base() {
         let expected = [
             ("gravity_tilt", "slider"),
+            ("backlash", "motor"),
             ("added_mass", "cart"),
             ("added_mass", "pole"),
             ("reflected_inertia", "slider"),

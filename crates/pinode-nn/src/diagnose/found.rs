@@ -3,11 +3,9 @@
 use super::candidate::Candidate;
 use super::confidence::DRAWS;
 use super::experiment::CLOSE;
+use super::refine::{Contender, contender, is_imitated, polish, rank, refine_one};
 use super::screen::screen;
-use super::search::{
-    Contender, IMITATED, LEAST_T2, Report, Step, contender, explained, is_second_choice,
-    lookalikes, polish, rank, refine, simpler,
-};
+use super::search::{LEAST_T2, Report, Step, explained, is_second_choice, lookalikes, simpler};
 use super::study::{Comparison, Fitted, Study};
 use crate::effect::Kind;
 use crate::hybrid::Hybrid;
@@ -164,11 +162,11 @@ fn rivals(
     let screen = screen(study, reduced, |kind| {
         with_memory || !is_second_choice(kind)
     });
-    let mut own = contender(vec![added[k]], current.clone(), reduced);
+    let mut own = contender(study, vec![added[k]], current.clone(), reduced);
     own.imitated = screen
         .ranked
         .iter()
-        .any(|s| s.candidate == added[k] && s.spanned > IMITATED);
+        .any(|s| s.candidate == added[k] && is_imitated(s));
     let mut rivals = vec![own];
     for s in screen
         .ranked
@@ -176,9 +174,7 @@ fn rivals(
         .filter(|s| s.t2 > LEAST_T2.1 && s.candidate != added[k])
         .take(3)
     {
-        let mut rival = refine(study, reduced, &[(s.candidate, s.start.clone())]);
-        rival.imitated = s.spanned > IMITATED;
-        rivals.push(rival);
+        rivals.push(refine_one(study, reduced, s));
     }
     polish(study, reduced, &mut rivals);
     rivals.extend(lookalikes(study, reduced, &screen, &rivals, &|_| {}));
@@ -241,6 +237,9 @@ fn weigh(
     }
 }
 
+/// Fits whose evidence differs by less than this, nats, are the same: what they differ by is where their iterations ended.
+const SAME: f64 = 1.0;
+
 /// Whether the windows do not tell two contenders apart: no significant difference, or a lead of the rival that would not be accepted
 /// as an explanation of what the found one leaves.
 fn are_tied(own: &Contender, rival: &Contender) -> bool {
@@ -248,7 +247,9 @@ fn are_tied(own: &Contender, rival: &Contender) -> bool {
         return false;
     }
     let lead = Comparison::of(&rival.fitted, &own.fitted);
-    lead.inside.z.abs() < 2.0 || (rival.score > own.score && !lead.explains())
+    lead.total().abs() < SAME
+        || lead.inside.z.abs() < 2.0
+        || (rival.score > own.score && !lead.explains())
 }
 
 /// The offset class: while sliding, a constant force and a difference of Coulomb friction between the directions are one equation.

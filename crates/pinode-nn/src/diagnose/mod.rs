@@ -21,6 +21,7 @@ mod horizons;
 pub(crate) mod kept;
 mod locate;
 mod numerics;
+mod refine;
 mod regions;
 mod score;
 mod screen;

@@ -25,8 +25,8 @@ const AT_ONCE: usize = 16;
 pub struct Screened {
     /// The candidate.
     pub candidate: Candidate,
-    /// Parameters to start a fit from: the best probe's step.
-    pub start: Vec<f64>,
+    /// Parameters to start a fit from: the best probe's step; of a law with a memory every probe that explains anything, the best first.
+    pub starts: Vec<Vec<f64>>,
     /// Gain in log-likelihood that the linearisation promises, nats.
     pub gain: f64,
     /// Cluster-robust t².
@@ -35,6 +35,17 @@ pub struct Screened {
     pub spanned: f64,
     /// Gain that the linearisation promises when what the free constants are stretched by counts as well, nats.
     pub relief: f64,
+    /// The step that gives it, where there is one.
+    pub relieving: Option<Relieving>,
+}
+
+/// A step by which a candidate takes over from stretched constants.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Relieving {
+    /// Its parameters.
+    pub start: Vec<f64>,
+    /// What it moves the free constants by.
+    pub shift: Vec<f64>,
 }
 
 /// Two candidates that promise more together.
@@ -61,6 +72,8 @@ pub struct Screen {
     /// Score of each column by itself. At the fit the pull of the data on the free constants is that of their priors, so this is the
     /// efficient score when the priors count.
     pull: Vec<f64>,
+    /// How the free constants follow a step of each column, with the opposite sign: S_nn⁻¹ S_nc.
+    by_nuisance: DMatrix<f64>,
 }
 
 #[derive(Debug, Clone)]
@@ -320,6 +333,7 @@ pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) ->
         columns,
         scores,
         information,
+        by_nuisance,
     };
     screen.rank();
     screen
@@ -356,21 +370,45 @@ impl Screen {
             if !(d > 0.0 && squares > 0.0) {
                 continue;
             }
-            let Some(start) = column.start(b / d) else {
+            let step = self.pull[k] / d;
+            let relieving = column.start(step).map(|start| Relieving {
+                start,
+                shift: self
+                    .by_nuisance
+                    .column(k)
+                    .iter()
+                    .map(|x| -step * x)
+                    .collect(),
+            });
+            let starts: Vec<Vec<f64>> = column.start(b / d).into_iter().collect();
+            if starts.is_empty() && relieving.is_none() {
                 continue;
-            };
+            }
+            // Where the bounds allow no step, none is promised.
+            let score = if starts.is_empty() { 0.0 } else { b };
             let screened = Screened {
                 candidate: column.candidate,
-                start,
-                gain: 0.5 * b * b / d,
-                t2: b * b / squares,
+                starts,
+                gain: 0.5 * score * score / d,
+                t2: score * score / squares,
                 spanned: 1.0 - d / self.alone[k],
                 relief: 0.5 * self.pull[k].powi(2) / d,
+                relieving,
             };
-            match best.iter_mut().find(|s| s.candidate == column.candidate) {
-                Some(known) if known.gain < screened.gain => *known = screened,
-                Some(_) => {}
-                None => best.push(screened),
+            let Some(known) = best.iter_mut().find(|s| s.candidate == column.candidate) else {
+                best.push(screened);
+                continue;
+            };
+            let (better, other) =
+                match (known.gain, known.relief) < (screened.gain, screened.relief) {
+                    true => {
+                        let other = std::mem::replace(known, screened);
+                        (known, other)
+                    }
+                    false => (known, screened),
+                };
+            if column.candidate.kind.states() > 0 {
+                better.starts.extend(other.starts);
             }
         }
         best.sort_by(|a, b| b.gain.total_cmp(&a.gain));

@@ -1,11 +1,12 @@
 //! Forward search for what is missing: screen, refine, accept, prune, revisit.
 
 use super::candidate::Candidate;
-use super::confidence::wins;
 use super::found::{Found, prune, revisit};
+use super::refine::{Contender, polish, rank, refine, refine_one, would_relieve};
 use super::screen::{self, Screen, Screened, ScreenedPair};
 use super::study::{Comparison, Fitted, RELIEF, Study};
 use crate::effect::{Family, Kind};
+use crate::hybrid::Placed;
 
 /// At most so many effects are named.
 const MOST_EFFECTS: usize = 4;
@@ -15,38 +16,12 @@ const REFINED: usize = 5;
 const SECOND_CHOICES: usize = 3;
 /// Least t² in the first screen, and in later ones.
 pub const LEAST_T2: (f64, f64) = (4.0, 6.0);
-/// A candidate with this share of its information spanned by free constants is one that they imitate.
-pub const IMITATED: f64 = 0.9;
+/// So many candidates that stretched constants imitate are refined beside them.
+const RELIEVING: usize = 4;
 /// Candidates with 1 − ρ² below this look alike to the screen.
 const ALIKE: f64 = 0.02;
 /// A gain that loses more than this share when the numerics are refined is numerical. One that grows was held back by them.
 const NUMERICAL: f64 = 0.3;
-
-/// A candidate, or a pair of them, refined by a fit.
-#[derive(Clone)]
-pub struct Contender {
-    /// What was added.
-    pub added: Vec<Candidate>,
-    /// The fitted model.
-    pub fitted: Fitted,
-    /// Whether it is one that the free constants imitate: then the relief of their tolerances speaks for it.
-    pub imitated: bool,
-    /// Against the model before.
-    pub comparison: Comparison,
-    /// Σ l_w − 4 k ln n.
-    pub score: f64,
-    /// Share of 400 bootstraps over windows in which it has the best score of its step.
-    pub wins: f64,
-    /// Whether its gain stands under a finer integration and a narrower smoothing; `None`: not asked.
-    pub numerically_sound: Option<bool>,
-}
-
-impl Contender {
-    /// Whether it would be accepted by itself.
-    pub fn is_acceptable(&self) -> bool {
-        self.comparison.explains() || (self.imitated && self.comparison.relieves())
-    }
-}
 
 /// One step of the search.
 #[derive(Clone)]
@@ -106,6 +81,24 @@ pub fn search(study: &Study, null: Fitted, seed: u64, report: Report) -> Search 
                 first.contenders[k].added[0].kind.name
             ));
             let mut other = Path::new(null.clone(), first.clone());
+            other.follow(study, &null, k, seed, report);
+            if other.beats(&path) {
+                path = other;
+            }
+        }
+    }
+    // What is found first may be a small part of what friction with a memory does.
+    let simple = path.added.iter().all(|c| !is_second_choice(c.kind));
+    if !path.added.is_empty() && simple && is_unexplained(study, &path.current, UNEXPLAINED) {
+        let (screened, mut contenders) = second_choices(study, &null, LEAST_T2.0, report);
+        rank(&mut contenders, seed);
+        if let Some(k) = accept(study, &null, &mut contenders, seed) {
+            let step = Step {
+                screened,
+                contenders,
+                accepted: Some(k),
+            };
+            let mut other = Path::new(null.clone(), step);
             other.follow(study, &null, k, seed, report);
             if other.beats(&path) {
                 path = other;
@@ -227,7 +220,13 @@ pub fn is_second_choice(kind: &Kind) -> bool {
 }
 
 fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Report) -> Step {
-    let mut screen = screen::screen(study, current, |kind| !is_second_choice(kind));
+    let effects = current.hybrid.effects();
+    // What friction with a memory is a special case of is the next thing to ask.
+    let mut screen = screen::screen(study, current, |kind| {
+        let contained =
+            |e: &Placed| is_second_choice(e.kind) && kind.contains.contains(&e.kind.name);
+        !is_second_choice(kind) || effects.iter().any(contained)
+    });
     let least = if first { LEAST_T2.0 } else { LEAST_T2.1 };
     let mut chosen: Vec<&Screened> = screen
         .ranked
@@ -240,17 +239,15 @@ fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Rep
         let mut imitated: Vec<&Screened> = screen
             .ranked
             .iter()
-            .filter(|s| s.spanned > IMITATED && s.relief > RELIEF && !chosen.contains(s))
+            .filter(|s| would_relieve(s) && !chosen.contains(s))
             .collect();
         imitated.sort_by(|a, b| b.relief.total_cmp(&a.relief));
-        chosen.extend(imitated.into_iter().take(2));
+        chosen.extend(imitated.into_iter().take(RELIEVING));
     }
     let mut contenders: Vec<Contender> = Vec::new();
     for s in &chosen {
         report(&format!("refining {}", s.candidate.kind.name));
-        let mut refined = refine(study, current, &[(s.candidate, s.start.clone())]);
-        refined.imitated = s.spanned > IMITATED;
-        contenders.push(refined);
+        contenders.push(refine_one(study, current, s));
     }
     polish(study, current, &mut contenders);
     rank(&mut contenders, seed);
@@ -259,14 +256,7 @@ fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Rep
     let mut accepted = accept(study, current, &mut contenders, seed);
     let unexplained = accepted.is_none() && is_unexplained(study, current, (1.25, 2.6));
     if unexplained {
-        let with_memory = screen::screen(study, current, is_second_choice).ranked;
-        let mut second: Vec<Contender> = Vec::new();
-        let promising = with_memory.iter().filter(|s| s.t2 > least);
-        for s in promising.take(SECOND_CHOICES) {
-            report(&format!("refining {}", s.candidate.kind.name));
-            let refined = refine(study, current, &[(s.candidate, s.start.clone())]);
-            second.push(refined);
-        }
+        let (with_memory, mut second) = second_choices(study, current, least, report);
         screen.ranked.extend(with_memory);
         rank(&mut second, seed);
         if let Some(k) = accept(study, current, &mut second, seed) {
@@ -297,6 +287,24 @@ fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Rep
     }
 }
 
+/// The screen of the kinds of friction with a memory, and the best of them refined.
+fn second_choices(
+    study: &Study,
+    current: &Fitted,
+    least: f64,
+    report: Report,
+) -> (Vec<Screened>, Vec<Contender>) {
+    let with_memory = screen::screen(study, current, is_second_choice).ranked;
+    let promising = with_memory.iter().filter(|s| s.t2 > least);
+    let refined = promising.take(SECOND_CHOICES).map(|s| {
+        report(&format!("refining {}", s.candidate.kind.name));
+        refine_one(study, current, s)
+    });
+    let mut refined: Vec<Contender> = refined.collect();
+    polish(study, current, &mut refined);
+    (with_memory, refined)
+}
+
 /// What looks like the best contender and was not refined: the data may not tell them apart, which has to be said.
 pub fn lookalikes(
     study: &Study,
@@ -314,9 +322,7 @@ pub fn lookalikes(
     new.take(2)
         .map(|s| {
             report(&format!("refining {}", s.candidate.kind.name));
-            let mut other = refine(study, current, &[(s.candidate, s.start.clone())]);
-            other.imitated = s.spanned > IMITATED;
-            other
+            refine_one(study, current, s)
         })
         .collect()
 }
@@ -352,83 +358,6 @@ pub fn explained(study: &Study, null: &Fitted, model: &Fitted) -> f64 {
         (before / after).ln() / before.ln()
     } else {
         0.0
-    }
-}
-
-pub fn refine(study: &Study, current: &Fitted, members: &[(Candidate, Vec<f64>)]) -> Contender {
-    let mut hybrid = current.hybrid.clone();
-    let mut theta = current.inside.theta.clone();
-    for (candidate, start) in members {
-        (hybrid, theta) = candidate.place(&hybrid, &theta, start);
-    }
-    let fitted = study.fit(hybrid, current.start(theta), 1, 12);
-    contender(members.iter().map(|m| m.0).collect(), fitted, current)
-}
-
-pub fn contender(added: Vec<Candidate>, fitted: Fitted, current: &Fitted) -> Contender {
-    let more = fitted
-        .hybrid
-        .free()
-        .len()
-        .saturating_sub(current.inside.free.len());
-    Contender {
-        added,
-        imitated: false,
-        comparison: Comparison::of(&fitted, current),
-        score: fitted.score(more),
-        fitted,
-        wins: 0.0,
-        numerically_sound: None,
-    }
-}
-
-/// Contenders within half of the leader's gain are fitted again from the leader's initial states, so that none loses by a poor start.
-pub fn polish(study: &Study, current: &Fitted, contenders: &mut [Contender]) {
-    let base = current.score(0);
-    let Some(leader) = contenders
-        .iter()
-        .max_by(|a, b| a.score.total_cmp(&b.score))
-        .cloned()
-    else {
-        return;
-    };
-    for rival in contenders.iter_mut() {
-        if rival.added == leader.added || rival.score - base < 0.5 * (leader.score - base) {
-            continue;
-        }
-        let start = leader.fitted.start(rival.fitted.inside.theta.clone());
-        let again = study.fit(rival.fitted.hybrid.clone(), start, 1, 8);
-        let again = contender(rival.added.clone(), again, current);
-        if again.score > rival.score {
-            *rival = Contender {
-                imitated: rival.imitated,
-                ..again
-            };
-        }
-    }
-}
-
-/// Orders contenders by their score, and gives the wins: only what would be accepted by itself, and is not known to be numerical, takes
-/// part.
-pub fn rank(contenders: &mut [Contender], seed: u64) {
-    contenders.sort_by(|a, b| b.score.total_cmp(&a.score));
-    let mut playing: Vec<&mut Contender> = Vec::new();
-    for contender in contenders {
-        contender.wins = 0.0;
-        if contender.is_acceptable() && contender.numerically_sound != Some(false) {
-            playing.push(contender);
-        }
-    }
-    let scores: Vec<(&[f64], f64)> = playing
-        .iter()
-        .map(|c| {
-            let sum: f64 = c.fitted.inside_scores.iter().sum();
-            (c.fitted.inside_scores.as_slice(), sum - c.score)
-        })
-        .collect();
-    let wins = wins(&scores, seed);
-    for (contender, wins) in playing.iter_mut().zip(wins) {
-        contender.wins = wins;
     }
 }
 

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use super::candidate::Candidate;
 use super::experiment::{self, Split};
-use super::search::{Contender, Search};
+use super::refine::Contender;
+use super::search::Search;
 use super::study::{Comparison, Study};
 use super::verdict::{
     Alternative, Evidence, FittedConstant, Name, NamedEffect, ParameterValue, Provenance,

@@ -22,7 +22,8 @@
 use lagrange::Scalar;
 
 use super::{
-    Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Probe, Quantity, RigidStop,
+    Action, Family, ForceLaw, Kind, LeftOut, OnCoordinate, ParameterSpec, Probe, Quantity,
+    RigidStop,
 };
 
 struct EndStop;
@@ -81,6 +82,10 @@ impl RigidStop for EndStop {
         });
         (-inner.sum::<f64>() * h / 3.0).exp()
     }
+
+    fn blow(&self, mass: f64, p: &[f64]) -> f64 {
+        std::f64::consts::PI * (mass / p[2]).sqrt()
+    }
 }
 
 /// The kind `end_stop`.
@@ -95,14 +100,14 @@ pub static KIND: Kind = Kind {
             (f64::NEG_INFINITY, f64::INFINITY),
             f64::NEG_INFINITY,
         )
-        .left_out_as(f64::NEG_INFINITY),
+        .left_out_as(LeftOut::Value(f64::NEG_INFINITY)),
         ParameterSpec::new(
             "upper",
             Quantity::Displacement,
             (f64::NEG_INFINITY, f64::INFINITY),
             f64::INFINITY,
         )
-        .left_out_as(f64::INFINITY),
+        .left_out_as(LeftOut::Value(f64::INFINITY)),
         ParameterSpec::new("stiffness", Quantity::Stiffness, (0.0, f64::INFINITY), 0.0),
         ParameterSpec::new("damping", Quantity::Damping, (0.0, f64::INFINITY), 0.0),
     ],

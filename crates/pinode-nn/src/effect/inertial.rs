@@ -16,15 +16,18 @@ const VERTICAL: f64 = 1e-6;
 ///
 /// With ID(q, v, v̇; g) = M v̇ + C v + G of the mechanism under gravity g, the motion obeys
 ///
-/// ID + Σ I v̇_j e_j + Σ m ID₁(q, v, v̇; g) + Σ (sin α G(q; |g| d) + (cos α − 1) G(q; g)) = Q
+/// ID + Σ I v̇_j e_j − Σ J v̇_j e_j + Σ m ID₁(q, v, v̇; g) + Σ (sin α G(q; |g| d) + (cos α − 1) G(q; g)) = Q
 ///
-/// where ID₁ is that of the same joints with 1 kg at the centre of mass of one body and nothing else, and d is a horizontal direction
-/// ([`tilt_direction`]). What is tilted are the weights of added masses too.
+/// I of rotors, J of motors that moved with their joint and now move by themselves. ID₁ is that of the same joints with 1 kg at the centre
+/// of mass of one body and nothing else, and d is a horizontal direction ([`tilt_direction`]). What is tilted are the weights of added
+/// masses too.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Inertial {
     /// Inertia on one coordinate that accelerates with it and with nothing else; its target is a joint.
     Rotor,
+    /// Inertia that one coordinate has and that moves by itself; its target is an input on that coordinate.
+    Motor,
     /// A point mass at the centre of mass of a body; its target is a link of the body.
     PointMass,
     /// The base stands at an angle; its target is the joint that says about which direction.
@@ -36,6 +39,7 @@ impl fmt::Display for Inertial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Inertial::Rotor => "reflected_inertia",
+            Inertial::Motor => "backlash",
             Inertial::PointMass => "added_mass",
             Inertial::Tilt => "gravity_tilt",
         })
@@ -60,7 +64,7 @@ pub enum Misplaced {
     },
     /// T is not ½ vᵀ M(q) v.
     #[error(
-        "{change} adds to M(q), and T is not quadratic in the velocities, so that M is not all of it: write the inertia into `kinetic`"
+        "{change} changes M(q), and T is not quadratic in the velocities, so that M is not all of it: write the inertia into `kinetic`"
     )]
     NotQuadratic {
         /// The effect.
@@ -108,7 +112,7 @@ pub enum Misplaced {
 }
 
 impl Inertial {
-    /// Whether it can sit on `target`, a coordinate or a link of the mechanism with the constants `p`, whose bodies are `tree`.
+    /// Whether it can sit on `target`, a coordinate (of an input, its own) or a link of the mechanism with the constants `p`, whose bodies are `tree`.
     ///
     /// # Errors
     /// [`Misplaced`].
@@ -142,7 +146,7 @@ impl Inertial {
             }),
         };
         match self {
-            Inertial::Rotor => on_joint(target).map(|_| ()),
+            Inertial::Rotor | Inertial::Motor => on_joint(target).map(|_| ()),
             Inertial::PointMass => {
                 let tree = tree.ok_or(Misplaced::NoBodies { change: self })?;
                 let link = tree.links().get(target).ok_or(Misplaced::NoSuchTarget {

@@ -34,6 +34,9 @@ pub trait RigidStop: Send + Sync {
 
     /// e in [0, 1] where the coordinate moves with the effective `mass` 1/(M⁻¹)_jj, kg or kg·m².
     fn restitution(&self, mass: f64, p: &[f64]) -> f64;
+
+    /// About how long a blow of that mass lasts where the stop gives, s.
+    fn blow(&self, mass: f64, p: &[f64]) -> f64;
 }
 
 /// sgn(v) spread over `smoothing`: tanh(v / smoothing).

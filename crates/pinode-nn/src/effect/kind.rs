@@ -89,7 +89,7 @@ impl Kind {
             Action::Sensor(_) => ActsOn::Sensor,
             Action::Drive(_) | Action::Transmission(_) => ActsOn::Input,
             Action::Inertial(Inertial::PointMass) => ActsOn::Link,
-            Action::Inertial(Inertial::Rotor | Inertial::Tilt) => ActsOn::Joint,
+            Action::Inertial(_) => ActsOn::Joint,
         }
     }
 
@@ -97,7 +97,16 @@ impl Kind {
     pub fn inertial(&self) -> Option<Inertial> {
         match self.action {
             Action::Inertial(change) => Some(change),
+            Action::Transmission(law) => law.taken_from_joint().map(|_| Inertial::Motor),
             _ => None,
+        }
+    }
+
+    /// The parameter by which it does.
+    pub fn inertial_parameter(&self) -> usize {
+        match self.action {
+            Action::Transmission(law) => law.taken_from_joint().unwrap_or(0),
+            _ => 0,
         }
     }
 
@@ -196,9 +205,8 @@ pub struct ParameterSpec {
     pub upper: f64,
     /// The value at which the effect vanishes, or where a fit starts when it never does.
     pub neutral: f64,
-    /// What it is where a model file does not say. `None`: a file has to give it. An infinite one stands for a part of the effect that is
-    /// not there, which no fit brings about.
-    pub default: Option<f64>,
+    /// What it is where a model file does not say. `None`: a file has to give it.
+    pub default: Option<LeftOut>,
     /// Whether fits leave it alone.
     pub held: bool,
 }
@@ -222,21 +230,38 @@ impl ParameterSpec {
         }
     }
 
-    /// The same with a value that holds where a model file gives none, and that fits leave alone.
+    /// The same, but fits leave it alone.
     #[must_use]
-    pub const fn held_at(self, value: f64) -> Self {
-        ParameterSpec {
-            held: true,
-            ..self.left_out_as(value)
-        }
+    pub const fn held(self) -> Self {
+        ParameterSpec { held: true, ..self }
     }
 
     /// The same with a value that a model file means by leaving it out.
     #[must_use]
-    pub const fn left_out_as(self, value: f64) -> Self {
+    pub const fn left_out_as(self, value: LeftOut) -> Self {
         ParameterSpec {
             default: Some(value),
             ..self
+        }
+    }
+}
+
+/// What a model file means by leaving out a parameter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum LeftOut {
+    /// This value. An infinite one stands for a part of the effect that is not there, which no fit brings about.
+    Value(f64),
+    /// So much for each kg or kg·m² of the joint's own entry of M where its mechanism is neutral; of an input, its joint's.
+    OfInertia(f64),
+}
+
+impl LeftOut {
+    /// The value on a joint of this inertia, kg or kg·m².
+    pub fn value(self, inertia: f64) -> f64 {
+        match self {
+            LeftOut::Value(value) => value,
+            LeftOut::OfInertia(factor) => factor * inertia,
         }
     }
 }

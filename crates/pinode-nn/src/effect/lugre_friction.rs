@@ -62,22 +62,27 @@ pub static KIND: Kind = Kind {
         ),
     ],
     action: Action::Memory(&WithMemory(LuGre)),
-    contains: &["coulomb_friction", "stribeck_friction"],
+    contains: &["coulomb_friction", "stribeck_friction", "dahl_friction"],
     probes: |scales, contained| {
         let d = scales.small_force();
+        let slow = 0.1 * scales.speed;
         let (coulomb, statics, velocity) = match *contained {
-            [force] => (force.max(1e-9), force + d, 0.1 * scales.speed),
+            [force] => (force.max(1e-9), force + d, slow),
+            [_, force] => (force.max(1e-9), force + d, slow),
             [coulomb, statics, velocity] => (coulomb.max(1e-9), statics.max(1e-9), velocity),
-            _ => (d, 2.0 * d, 0.1 * scales.speed),
+            _ => (d, 2.0 * d, slow),
         };
-        [0.01, 0.05]
-            .map(|way| {
-                let stiffness = statics / (way * scales.reach);
-                Probe {
-                    neutral: vec![stiffness, 0.0, 1e-9, 1e-9, velocity],
-                    perturbed: vec![stiffness, 0.0, coulomb, statics, velocity],
-                }
-            })
-            .to_vec()
+        let stiffnesses = match *contained {
+            // Dahl's.
+            [stiffness, _] => vec![stiffness],
+            _ => [0.01, 0.05]
+                .map(|way| statics / (way * scales.reach))
+                .to_vec(),
+        };
+        let probe = |stiffness: f64| Probe {
+            neutral: vec![stiffness, 0.0, 1e-9, 1e-9, velocity],
+            perturbed: vec![stiffness, 0.0, coulomb, statics, velocity],
+        };
+        stiffnesses.into_iter().map(probe).collect()
     },
 };

@@ -26,6 +26,11 @@ pub trait MemoryLaw: Send + Sync + 'static {
     /// Number of states h; may be none for a law that only needs f.
     fn states(&self) -> usize;
 
+    /// Which parameter is an inertia that moves by itself and that the mechanism has in the joint: M_jj counts without it.
+    fn taken_from_joint(&self) -> Option<usize> {
+        None
+    }
+
     /// Q_j, N or N·m. `smoothing` is the velocity over which a sign change of friction is spread, m/s or rad/s.
     fn force<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], smoothing: f64) -> D;
 
@@ -49,6 +54,8 @@ pub trait MemoryLaw: Send + Sync + 'static {
 pub trait MemoryForce: Send + Sync {
     /// See [`MemoryLaw::states`].
     fn states(&self) -> usize;
+    /// See [`MemoryLaw::taken_from_joint`].
+    fn taken_from_joint(&self) -> Option<usize>;
     /// Q_j, and ḣ into `rate`.
     fn evaluate(&self, seen: &Seen<'_, f64>, p: &[f64], smoothing: f64, rate: &mut [f64]) -> f64;
     /// Q_j and ḣ, row after row, and their derivatives.
@@ -139,6 +146,10 @@ fn call<L: MemoryLaw, D: Scalar>(law: &L, arguments: &[D], smoothing: f64, rate:
 impl<L: MemoryLaw> MemoryForce for WithMemory<L> {
     fn states(&self) -> usize {
         self.0.states()
+    }
+
+    fn taken_from_joint(&self) -> Option<usize> {
+        self.0.taken_from_joint()
     }
 
     fn evaluate(&self, seen: &Seen<'_, f64>, p: &[f64], smoothing: f64, rate: &mut [f64]) -> f64 {

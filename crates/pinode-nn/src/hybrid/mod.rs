@@ -372,14 +372,14 @@ impl Hybrid {
         (body.name == link.name && body.mass > 0.0).then_some(body.mass)
     }
 
-    /// Whether an effect that changes the mechanics may be looked for on `target`: a rotor on every joint, for gears, flywheels and
-    /// encoders have inertia as motors have; a mass once in each body that has some, a tilt where a joint is on the base.
+    /// Whether an effect that changes the mechanics may be looked for on `target` (of an input, its coordinate): a rotor on every joint,
+    /// for gears, flywheels and encoders have inertia as motors have; a mass once in each body that has some, a tilt where a joint is on the base.
     pub fn may_change(&self, change: Inertial, target: usize) -> bool {
         let tree = self.variants.as_ref().map(|v| v.tree());
         let theta = self.theta();
         let p = &theta[self.mechanics_range()];
         let sensible = match change {
-            Inertial::Rotor => true,
+            Inertial::Rotor | Inertial::Motor => true,
             Inertial::PointMass => self.mass_of_body(target).is_some(),
             Inertial::Tilt => tree.is_some_and(|tree| {
                 let on_base = tree.bodies().iter().filter(|body| body.parent.is_none());

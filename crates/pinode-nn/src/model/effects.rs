@@ -1,11 +1,13 @@
 //! The effects of a model: `[[effect]]` tables, and friction from the URDF's `<dynamics>`.
 
 use lagrange::{Mechanics, Position, Problem};
+use nalgebra::{Cholesky, DMatrix};
 
 use super::document::{Faults, Placed, Section};
 use super::mechanism::{JointFriction, Mechanism, find_coordinate};
 use super::{EffectEntry, Input, Target};
 use crate::effect::{ActsOn, Inertial, Kind, Misplaced, RigidStop, registry};
+use crate::entries::starts;
 use crate::naming::{hint, nearest, quoted};
 
 /// Kinds of the file format that this version cannot compute.
@@ -144,6 +146,11 @@ fn read_one(
             .collect();
         list.join(", ")
     };
+    let inertia = || {
+        coordinate
+            .and_then(|c| inertia_of(mechanism?, c))
+            .unwrap_or(1.0)
+    };
     let mut values = Vec::with_capacity(kind.parameters.len());
     for spec in kind.parameters {
         let unit = spec.quantity.unit(angular);
@@ -154,8 +161,8 @@ fn read_one(
             (false, false) => "finite".to_owned(),
         };
         if table.get(spec.name).is_none() {
-            if let Some(value) = spec.default {
-                values.push(value);
+            if let Some(default) = spec.default {
+                values.push(default.value(inertia()));
                 continue;
             }
             faults.at(
@@ -189,8 +196,11 @@ fn read_one(
         }
     }
     let target = target?;
-    if let (Some(change), Some(mechanism), Target::Coordinate(at) | Target::Link(at)) =
-        (kind.inertial(), mechanism, target)
+    let on = match target {
+        Target::Input(_) => coordinate,
+        Target::Coordinate(at) | Target::Link(at) => Some(at),
+    };
+    if let (Some(change), Some(mechanism), Some(at)) = (kind.inertial(), mechanism, on)
         && let Err(misplaced) = change.check(
             at,
             &*mechanism.mechanics,
@@ -200,6 +210,8 @@ fn read_one(
     {
         let offset = place.unwrap_or(table.offset);
         faults.at(offset, misplaced.to_string());
+    } else if let Some(taken) = taken_fault(kind, &values, coordinate, mechanism) {
+        faults.at(table.offset, taken);
     }
     Some(EffectEntry {
         kind,
@@ -207,6 +219,45 @@ fn read_one(
         values,
         smoothing,
         fixed,
+    })
+}
+
+/// M of a mechanism at its neutral configuration.
+fn neutral_mass(mechanism: &Mechanism) -> Option<DMatrix<f64>> {
+    let mechanics = &mechanism.mechanics;
+    let q = lagrange::state::neutral(mechanics.coordinates());
+    mechanics.mass_matrix(&q).ok()
+}
+
+/// The entry of M of coordinate `c` at the neutral configuration, kg or kg·m².
+fn inertia_of(mechanism: &Mechanism, c: usize) -> Option<f64> {
+    let at = starts(mechanism.mechanics.coordinates()).get(c)?.v;
+    neutral_mass(mechanism)?.get((at, at)).copied()
+}
+
+/// What no motor can be that a joint has in its inertia: as much as the joint moves, or more. What it moves when all else is free to give
+/// way is 1/(M⁻¹)_cc.
+fn taken_fault(
+    kind: &Kind,
+    values: &[f64],
+    coordinate: Option<usize>,
+    mechanism: Option<&Mechanism>,
+) -> Option<String> {
+    let index = kind.memory()?.taken_from_joint()?;
+    let (spec, &taken) = kind.parameters.get(index).zip(values.get(index))?;
+    let (mechanism, c) = (mechanism?, coordinate?);
+    let at = starts(mechanism.mechanics.coordinates()).get(c)?.v;
+    let inverse = Cholesky::new(neutral_mass(mechanism)?)?.inverse();
+    let moved = 1.0 / inverse.get((at, at))?;
+    let coordinate = mechanism.mechanics.coordinates().get(c)?;
+    let unit = spec.quantity.unit(coordinate.angular);
+    (taken >= moved).then(|| {
+        format!(
+            "{} takes {} = {taken} {unit} out of what {} moves, and that is {moved} {unit} at its neutral configuration: give less, or give the mechanism the motor's mass",
+            kind.name,
+            spec.name,
+            quoted(&coordinate.name),
+        )
     })
 }
 

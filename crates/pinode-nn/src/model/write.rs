@@ -8,7 +8,7 @@ use toml_edit::{ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike,
 use super::{EffectEntry, Model, Target};
 use crate::Error;
 use crate::disk::write_atomically;
-use crate::effect::ParameterSpec;
+use crate::effect::{LeftOut, ParameterSpec};
 
 /// New numbers and effects for a [`Model`].
 #[derive(Debug, Clone, PartialEq)]
@@ -106,7 +106,7 @@ impl Model {
                 });
             }
         }
-        let given = |(spec, x): &(&ParameterSpec, &f64)| spec.default != Some(**x);
+        let given = |(spec, x): &(&ParameterSpec, &f64)| spec.default != Some(LeftOut::Value(**x));
         let effects = revision.effects.iter().flat_map(|(e, _)| {
             let numbers = e.kind.parameters.iter().zip(&e.values);
             numbers.filter(given).map(|(_, x)| x)
@@ -260,7 +260,7 @@ impl Model {
 fn fill(table: &mut Table, entry: &EffectEntry) {
     for (spec, &value) in entry.kind.parameters.iter().zip(&entry.values) {
         // A part that is not there cannot be written; what a file means by leaving it out need not be.
-        let unsaid = spec.default == Some(value) && !table.contains_key(spec.name);
+        let unsaid = spec.default == Some(LeftOut::Value(value)) && !table.contains_key(spec.name);
         put(
             table,
             spec.name,

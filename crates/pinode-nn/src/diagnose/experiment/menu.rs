@@ -9,7 +9,7 @@ use super::super::candidate::Candidate;
 use super::super::setup::WINDOW_S;
 use super::super::study::{Fitted, Study};
 use super::super::verdict::Payload;
-use crate::effect::{Inertial, registry};
+use crate::effect::{Action, Inertial, registry};
 use crate::hybrid::{Hybrid, Placed};
 use crate::shooting::{Roller, Trajectory, wrap_angle};
 
@@ -120,7 +120,7 @@ fn is_turned_round(hybrid: &Hybrid, Candidate { kind, target }: Candidate) -> bo
 /// Whether more weight changes what an effect does, or what it is confused with.
 fn bears_weight(candidate: Candidate) -> bool {
     let named = ["input_gain_error", "load_dependent_friction"];
-    candidate.kind.inertial().is_some() || named.contains(&candidate.kind.name)
+    matches!(candidate.kind.action, Action::Inertial(_)) || named.contains(&candidate.kind.name)
 }
 
 /// The course of an input, in parts of its amplitude.

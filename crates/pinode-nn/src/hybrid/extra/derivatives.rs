@@ -3,7 +3,7 @@
 use lagrange::{Error, ForwardDynamicsDerivatives, ForwardDynamicsGradient, Mechanics, Workspace};
 use nalgebra::{DMatrix, DVector};
 
-use super::{Extra, ExtraMemory};
+use super::{Extra, ExtraMemory, Rotor};
 use crate::hybrid::State;
 
 impl Extra {
@@ -71,8 +71,8 @@ impl Extra {
                 by_slot.column_mut(slot).axpy(derivative, part, 1.0);
             }
         }
-        for &(v, slot) in &self.rotors {
-            by_slot[(v, slot)] += a[v];
+        for &Rotor { v, slot, sign } in &self.rotors {
+            by_slot[(v, slot)] += sign * a[v];
         }
         for (to, from) in [
             (&mut out.by_q, &sum.by_q),
@@ -160,8 +160,8 @@ impl Extra {
                 of_slots[slot] += derivative * along;
             }
         }
-        for &(v, slot) in &self.rotors {
-            of_slots[slot] += lambda[v] * a[v];
+        for &Rotor { v, slot, sign } in &self.rotors {
+            of_slots[slot] += sign * lambda[v] * a[v];
         }
         Ok(())
     }

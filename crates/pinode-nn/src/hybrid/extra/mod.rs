@@ -3,7 +3,9 @@
 //! With the equations ID_t = M_t v̇ + C_t v + G_t of some mechanisms t (the point masses; the bodies under a gravity of another
 //! direction, of which only G counts) and factors c_t of the effects' parameters p:
 //!
-//! (M₀ + Σ c_t M_t + Σ I_j e_j e_jᵀ) v̇ = Q − (C₀ v + G₀) − Σ c_t (C_t v + G_t)
+//! (M₀ + Σ c_t M_t + Σ s_i I_i e_i e_iᵀ) v̇ = Q − (C₀ v + G₀) − Σ c_t (C_t v + G_t)
+//!
+//! with s = 1 for a rotor, −1 for a motor that moves by itself,
 //!
 //! and for x among q, v and all constants ∂v̇/∂x = −M⁻¹ ∂ID/∂x at fixed v̇, ID the sum.
 
@@ -19,6 +21,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::{Hybrid, State};
 use crate::effect::Inertial;
+use crate::entries::Start;
 
 pub(super) use variants::Variants;
 
@@ -27,14 +30,21 @@ pub(super) struct Extra {
     /// Where the parameters of these effects lie in θ: slot by slot.
     pub parameters: Vec<usize>,
     terms: Vec<Term>,
-    /// Inertia on one entry of v, and its slot.
-    rotors: Vec<(usize, usize)>,
+    rotors: Vec<Rotor>,
     /// The bodies with a point mass, and its slot.
     points: Vec<(usize, usize)>,
     /// Number of bodies.
     bodies: usize,
     /// Whether each effect has a place: else there is no motion.
     in_place: bool,
+}
+
+/// Inertia on one entry of v.
+struct Rotor {
+    v: usize,
+    slot: usize,
+    /// −1 where it is taken away.
+    sign: f64,
 }
 
 /// The equations of one mechanism.
@@ -117,12 +127,20 @@ impl Extra {
                 continue;
             };
             let slot = extra.parameters.len();
-            extra.parameters.push(range.start);
+            let parameter = effect.kind.inertial_parameter();
+            extra.parameters.push(range.start + parameter);
             match change {
-                Inertial::Rotor => match hybrid.starts.get(effect.target) {
-                    Some(at) => extra.rotors.push((at.v, slot)),
-                    None => extra.in_place = false,
-                },
+                Inertial::Rotor | Inertial::Motor => {
+                    let coordinate = hybrid.coordinate_of(effect.kind, effect.target);
+                    let sign = match change {
+                        Inertial::Motor => -1.0,
+                        _ => 1.0,
+                    };
+                    match hybrid.starts.get(coordinate) {
+                        Some(&Start { v, .. }) => extra.rotors.push(Rotor { v, slot, sign }),
+                        None => extra.in_place = false,
+                    }
+                }
                 Inertial::PointMass => {
                     let link = variants.and_then(|v| v.tree().links().get(effect.target));
                     match link.and_then(|link| link.body) {
@@ -227,8 +245,8 @@ impl Extra {
                 *mass += &*part;
             }
         }
-        for &(v, slot) in &self.rotors {
-            mass[(v, v)] += memory.p[slot];
+        for &Rotor { v, slot, sign } in &self.rotors {
+            mass[(v, v)] += sign * memory.p[slot];
         }
         if !self.in_place {
             mass.fill(f64::NAN);

@@ -1,0 +1,209 @@
+//! Candidates refined by fits: what each of them is worth beside the model before.
+
+use super::candidate::Candidate;
+use super::confidence::wins;
+use super::found::position;
+use super::screen::Screened;
+use super::study::{Comparison, Fitted, RELIEF, Study};
+
+/// A candidate with this share of its information spanned by free constants is one that they imitate.
+const IMITATED: f64 = 0.9;
+/// Iterations of the initial states by which the starts of a candidate are compared.
+const OF_STATES: usize = 3;
+/// Iterations of a fit that refines, and so many more where it leads and has not converged.
+const ITERATIONS: (usize, usize) = (12, 24);
+/// What gives for longer than this, s, is a spring and no stop.
+const LONGEST_BLOW: f64 = 0.15;
+
+/// A candidate, or a pair of them, refined by a fit.
+#[derive(Clone)]
+pub struct Contender {
+    /// What was added.
+    pub added: Vec<Candidate>,
+    /// The fitted model.
+    pub fitted: Fitted,
+    /// Whether it is one that the free constants imitate: then the relief of their tolerances speaks for it.
+    pub imitated: bool,
+    /// Against the model before.
+    pub comparison: Comparison,
+    /// Σ l_w − 4 k ln n.
+    pub score: f64,
+    /// Whether its parameters make it what it is called.
+    pub is_sensible: bool,
+    /// Share of 400 bootstraps over windows in which it has the best score of its step.
+    pub wins: f64,
+    /// Whether its gain stands under a finer integration and a narrower smoothing; `None`: not asked.
+    pub numerically_sound: Option<bool>,
+}
+
+impl Contender {
+    /// Whether it would be accepted by itself.
+    pub fn is_acceptable(&self) -> bool {
+        self.is_sensible
+            && (self.comparison.explains() || (self.imitated && self.comparison.relieves()))
+    }
+}
+
+/// Whether stretched constants imitate the candidate.
+pub fn is_imitated(screened: &Screened) -> bool {
+    screened.spanned > IMITATED
+}
+
+/// Whether it is imitated by constants that are stretched so far that it would be accepted in their place.
+pub fn would_relieve(screened: &Screened) -> bool {
+    is_imitated(screened) && screened.relief > RELIEF && screened.relieving.is_some()
+}
+
+/// The screen's candidate as a fit has it. One that stretched constants imitate starts where it takes over from them: along the valley
+/// between the two a fit would creep. Of several starts the one from which the initial states explain most is taken: laws with a memory
+/// are far from linear in their parameters.
+pub fn refine_one(study: &Study, current: &Fitted, screened: &Screened) -> Contender {
+    let candidate = screened.candidate;
+    let mut theta = current.inside.theta.clone();
+    let mut starts = screened.starts.as_slice();
+    if let (true, Some(step)) = (is_imitated(screened), &screened.relieving) {
+        for (&i, shift) in current.inside.free.iter().zip(&step.shift) {
+            let constant = &current.hybrid.constants()[i];
+            theta[i] = (theta[i] + shift).clamp(constant.lower, constant.upper);
+        }
+        starts = std::slice::from_ref(&step.start);
+    }
+    let members = |start: &Vec<f64>| [(candidate, start.clone())];
+    let refined = match starts {
+        [only] => fit_with(study, current, &theta, &members(only), (1, ITERATIONS.0)),
+        several => {
+            let tried = several
+                .iter()
+                .map(|start| fit_with(study, current, &theta, &members(start), (OF_STATES, 0)));
+            match tried.max_by(|a, b| a.score(0).total_cmp(&b.score(0))) {
+                Some(best) => {
+                    let start = best.start(best.inside.theta.clone());
+                    study.fit(best.hybrid, start, 1, ITERATIONS.0)
+                }
+                None => current.clone(),
+            }
+        }
+    };
+    Contender {
+        imitated: is_imitated(screened),
+        ..contender(study, vec![candidate], refined, current)
+    }
+}
+
+/// The model with `members`, fitted from their values, `theta` for all else and the initial states of `current`: `iterations` of the
+/// states alone, then of all.
+fn fit_with(
+    study: &Study,
+    current: &Fitted,
+    theta: &[f64],
+    members: &[(Candidate, Vec<f64>)],
+    iterations: (usize, usize),
+) -> Fitted {
+    let mut hybrid = current.hybrid.clone();
+    let mut theta = theta.to_vec();
+    for (candidate, start) in members {
+        (hybrid, theta) = candidate.place(&hybrid, &theta, start);
+    }
+    study.fit(hybrid, current.start(theta), iterations.0, iterations.1)
+}
+
+/// Several candidates at once.
+pub fn refine(study: &Study, current: &Fitted, members: &[(Candidate, Vec<f64>)]) -> Contender {
+    let theta = &current.inside.theta;
+    let fitted = fit_with(study, current, theta, members, (1, ITERATIONS.0));
+    let added = members.iter().map(|m| m.0).collect();
+    contender(study, added, fitted, current)
+}
+
+pub fn contender(
+    study: &Study,
+    added: Vec<Candidate>,
+    fitted: Fitted,
+    current: &Fitted,
+) -> Contender {
+    let more = fitted
+        .hybrid
+        .free()
+        .len()
+        .saturating_sub(current.inside.free.len());
+    Contender {
+        is_sensible: added.iter().all(|c| is_sensible(study, c, &fitted)),
+        added,
+        imitated: false,
+        comparison: Comparison::of(&fitted, current),
+        score: fitted.score(more),
+        fitted,
+        wins: 0.0,
+        numerically_sound: None,
+    }
+}
+
+/// Whether a fitted effect is what it is called: a stop turns the motion round at once. The stiffness k of a blow of the mass m lasts
+/// π √(m/k).
+fn is_sensible(study: &Study, candidate: &Candidate, fitted: &Fitted) -> bool {
+    let Some(stop) = candidate.kind.stop() else {
+        return true;
+    };
+    let mass = candidate.scales(&fitted.hybrid, &study.scales).mass;
+    let effect = position(fitted, candidate).map(|index| fitted.hybrid.range(index));
+    effect.is_some_and(|range| {
+        let blow = stop.blow(mass, &fitted.inside.theta[range]);
+        blow < LONGEST_BLOW
+    })
+}
+
+/// Contenders within half of the leader's gain are fitted again from the leader's initial states, so that none loses by a poor start;
+/// and whoever has not converged goes on.
+pub fn polish(study: &Study, current: &Fitted, contenders: &mut [Contender]) {
+    let base = current.score(0);
+    let Some(leader) = contenders
+        .iter()
+        .max_by(|a, b| a.score.total_cmp(&b.score))
+        .cloned()
+    else {
+        return;
+    };
+    for rival in contenders.iter_mut() {
+        if rival.score - base < 0.5 * (leader.score - base) {
+            continue;
+        }
+        let fitted = &rival.fitted;
+        let theta = fitted.inside.theta.clone();
+        let again = match (fitted.inside.converged, rival.added == leader.added) {
+            (true, true) => continue,
+            (true, false) => study.fit(fitted.hybrid.clone(), leader.fitted.start(theta), 1, 8),
+            (false, _) => study.fit(fitted.hybrid.clone(), fitted.start(theta), 0, ITERATIONS.1),
+        };
+        let again = contender(study, rival.added.clone(), again, current);
+        if again.score > rival.score {
+            *rival = Contender {
+                imitated: rival.imitated,
+                ..again
+            };
+        }
+    }
+}
+
+/// Orders contenders by their score, and gives the wins: only what would be accepted by itself, and is not known to be numerical, takes
+/// part.
+pub fn rank(contenders: &mut [Contender], seed: u64) {
+    contenders.sort_by(|a, b| b.score.total_cmp(&a.score));
+    let mut playing: Vec<&mut Contender> = Vec::new();
+    for contender in contenders {
+        contender.wins = 0.0;
+        if contender.is_acceptable() && contender.numerically_sound != Some(false) {
+            playing.push(contender);
+        }
+    }
+    let scores: Vec<(&[f64], f64)> = playing
+        .iter()
+        .map(|c| {
+            let sum: f64 = c.fitted.inside_scores.iter().sum();
+            (c.fitted.inside_scores.as_slice(), sum - c.score)
+        })
+        .collect();
+    let wins = wins(&scores, seed);
+    for (contender, wins) in playing.iter_mut().zip(wins) {
+        contender.wins = wins;
+    }
+}
