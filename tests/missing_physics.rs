@@ -1,12 +1,12 @@
 //! The workflow on rig logs in which an effect is hidden, and on logs in which nothing is.
 //!
 //! The rig integrates, rubs and measures by its own code; the diagnosis sees the log and the user's model alone.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::path::Path;
 
 use cartpole::config::Config;
-use cartpole::rig::{self, Hidden};
+use cartpole::rig::{self, Hidden, Target};
 use pinode_nn::diagnose::diagnose;
 use pinode_nn::diagnose::verdict::{Diagnosis, Verdict};
 use pinode_nn::log::Log;
@@ -95,6 +95,64 @@ fn every_other_hidden_effect_is_found() {
     for case in (1..rig::CASES).filter(|&case| case != 2) {
         is_found(case, 20 + case as u64);
     }
+}
+
+/// A fit of the model as it is explains these by masses, gains and zeros that are many times their tolerances off.
+#[test]
+fn what_stretched_tolerances_imitate_is_found_with_its_size() {
+    for (hidden, alike) in [
+        (
+            Hidden::InputGainError {
+                target: Target::Motor,
+                gain: -0.12,
+            },
+            None,
+        ),
+        (
+            Hidden::SensorOffset {
+                target: Target::Pole,
+                offset: -0.025,
+            },
+            None,
+        ),
+        // What slides with the cart weighs nothing on the rail: it is the same as a mass on the cart.
+        (
+            Hidden::ReflectedInertia {
+                target: Target::Slider,
+                inertia: 0.11,
+            },
+            Some("added_mass"),
+        ),
+    ] {
+        let diagnosis = diagnosed(&hidden, 5, 40.0);
+        let [named] = &diagnosis.effects[..] else {
+            panic!("{hidden:?}: {:?}", diagnosis.effects)
+        };
+        let right = named.kind == hidden.kind() || Some(named.kind.as_str()) == alike;
+        assert!(right && named.confidence > 0.9, "{hidden:?}: {named:?}");
+        let [(_, truth)] = hidden.parameters()[..] else {
+            panic!("{hidden:?} has one size")
+        };
+        for found in named.parameters.values() {
+            let error = (found.value / truth - 1.0).abs();
+            let deviations = (found.value - truth).abs() / found.std.unwrap();
+            assert!(error < 0.2 && deviations < 4.0, "{hidden:?}: {found:?}");
+        }
+    }
+}
+
+#[test]
+fn play_of_the_drive_is_found() {
+    let hidden = Hidden::Backlash {
+        target: Target::Motor,
+        gap: 6e-3,
+        restitution: 0.2,
+        motor_inertia: 0.1,
+    };
+    let diagnosis = diagnosed(&hidden, 8, 60.0);
+    let named = &diagnosis.effects[0];
+    assert_eq!(named.kind, "backlash", "{named:?}");
+    assert!(diagnosis.gap.after < 0.8 * diagnosis.gap.before);
 }
 
 #[test]
