@@ -1,8 +1,8 @@
 //! Forces on one coordinate, with exact derivatives.
 
 use integrators::event::Direction;
-use lagrange::Scalar;
-use num_dual::Dual64;
+use lagrange::{LANES, Scalar};
+use num_dual::DualSVec64;
 
 /// A force law written over the scalar: Q_j = force(q_j, v_j; p), on the right-hand side of M v̇ + C v + G = Q.
 pub trait ForceLaw: Send + Sync + 'static {
@@ -68,6 +68,29 @@ pub trait JointForce: Send + Sync {
         smoothing: f64,
         by_p: &mut [f64],
     ) -> JointForceDerivatives;
+    /// (Q_j, ∂Q_j/∂q_j, ∂Q_j/∂v_j) of eight states, and the derivatives in the parameters; `by_p` is as long as `p`.
+    fn derivatives_of_eight(
+        &self,
+        q: &[f64; LANES],
+        v: &[f64; LANES],
+        p: &[f64],
+        smoothing: f64,
+        by_p: &mut [[f64; LANES]],
+    ) -> [[f64; LANES]; 3] {
+        let mut out = [[0.0; LANES]; 3];
+        let mut own = [0.0; MOST_PARAMETERS];
+        let own = &mut own[..p.len()];
+        for lane in 0..LANES {
+            let at = self.derivatives(q[lane], v[lane], p, smoothing, own);
+            for (to, from) in out.iter_mut().zip([at.force, at.by_q, at.by_v]) {
+                to[lane] = from;
+            }
+            for (to, from) in by_p.iter_mut().zip(&*own) {
+                to[lane] = *from;
+            }
+        }
+        out
+    }
     /// See [`ForceLaw::dry`].
     fn dry(&self) -> Option<&dyn DryFriction>;
     /// See [`ForceLaw::stop`].
@@ -79,6 +102,34 @@ pub struct OnCoordinate<L>(pub L);
 
 /// No law has more parameters.
 pub(super) const MOST_PARAMETERS: usize = 8;
+/// q, v and the parameters.
+const MOST_VARIABLES: usize = 2 + MOST_PARAMETERS;
+
+/// The force and its derivatives in q, v and p, at most `N` of them, by one evaluation of the law.
+fn gradient<L: ForceLaw, const N: usize>(
+    law: &L,
+    [q, v]: [f64; 2],
+    p: &[f64],
+    smoothing: f64,
+    by_p: &mut [f64],
+) -> JointForceDerivatives {
+    let variable = |x: f64, k: usize| DualSVec64::<N>::from_re(x).derivative(k);
+    let mut lifted = [DualSVec64::<N>::from_re(0.0); MOST_PARAMETERS];
+    let lifted = &mut lifted[..p.len()];
+    for (k, (dual, &value)) in lifted.iter_mut().zip(p).enumerate() {
+        *dual = variable(value, 2 + k);
+    }
+    let force = law.force(variable(q, 0), variable(v, 1), lifted, smoothing);
+    let by = force.eps.0.map_or([0.0; N], Into::into);
+    for (to, by) in by_p.iter_mut().zip(by.iter().skip(2)) {
+        *to = *by;
+    }
+    JointForceDerivatives {
+        force: force.re,
+        by_q: by[0],
+        by_v: by[1],
+    }
+}
 
 impl<L: ForceLaw> JointForce for OnCoordinate<L> {
     fn force(&self, q: f64, v: f64, p: &[f64], smoothing: f64) -> f64 {
@@ -93,26 +144,11 @@ impl<L: ForceLaw> JointForce for OnCoordinate<L> {
         smoothing: f64,
         by_p: &mut [f64],
     ) -> JointForceDerivatives {
-        let mut lifted = [Dual64::from(0.0); MOST_PARAMETERS];
-        let lifted = &mut lifted[..p.len()];
-        for (dual, &value) in lifted.iter_mut().zip(p) {
-            *dual = Dual64::from(value);
-        }
-        let seeded = |x: f64| Dual64::new(x, 1.0);
-        let along_q = self.0.force(seeded(q), Dual64::from(v), lifted, smoothing);
-        let along_v = self.0.force(Dual64::from(q), seeded(v), lifted, smoothing);
-        for k in 0..p.len() {
-            lifted[k].eps = 1.0;
-            by_p[k] = self
-                .0
-                .force(Dual64::from(q), Dual64::from(v), lifted, smoothing)
-                .eps;
-            lifted[k].eps = 0.0;
-        }
-        JointForceDerivatives {
-            force: along_q.re,
-            by_q: along_q.eps,
-            by_v: along_v.eps,
+        // Numbers as short as hold the derivatives.
+        match p.len() {
+            0..=2 => gradient::<L, 4>(&self.0, [q, v], p, smoothing, by_p),
+            3..=4 => gradient::<L, 6>(&self.0, [q, v], p, smoothing, by_p),
+            _ => gradient::<L, MOST_VARIABLES>(&self.0, [q, v], p, smoothing, by_p),
         }
     }
 

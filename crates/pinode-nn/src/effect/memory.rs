@@ -6,7 +6,7 @@
 //! Q_j. A transmission stands between one input and its joint: f is the force of that input, which acts on the joint no more: Q_j does.
 
 use lagrange::Scalar;
-use num_dual::Dual64;
+use num_dual::DualSVec64;
 
 /// What a law with a memory sees of the world.
 #[derive(Debug, Clone, Copy)]
@@ -143,6 +143,37 @@ fn call<L: MemoryLaw, D: Scalar>(law: &L, arguments: &[D], smoothing: f64, rate:
     law.force(&seen, p, smoothing)
 }
 
+/// Q_j, ḣ and their derivatives in at most `N` variables, by one evaluation of the law.
+fn gradients<L: MemoryLaw, const N: usize>(
+    law: &L,
+    seen: &Seen<'_, f64>,
+    p: &[f64],
+    smoothing: f64,
+    out: &mut MemoryDerivatives,
+) {
+    let states = law.states();
+    let columns = 3 + states + p.len();
+    let zero = DualSVec64::<N>::from_re(0.0);
+    let mut arguments = [zero; COLUMNS];
+    let values = [seen.q, seen.v, seen.f].into_iter();
+    let values = values
+        .chain(seen.h.iter().copied())
+        .chain(p.iter().copied());
+    for (column, (argument, value)) in arguments.iter_mut().zip(values).enumerate() {
+        *argument = DualSVec64::from_re(value).derivative(column);
+    }
+    let mut rate = [zero; MOST_STATES];
+    let force = call(law, &arguments[..columns], smoothing, &mut rate);
+    out.states = states;
+    for (row, dual) in std::iter::once(&force).chain(&rate[..states]).enumerate() {
+        out.value[row] = dual.re;
+        let by = dual.eps.0.map_or([0.0; N], Into::into);
+        for (to, by) in out.by[row].iter_mut().zip(by.iter().take(columns)) {
+            *to = *by;
+        }
+    }
+}
+
 impl<L: MemoryLaw> MemoryForce for WithMemory<L> {
     fn states(&self) -> usize {
         self.0.states()
@@ -164,27 +195,12 @@ impl<L: MemoryLaw> MemoryForce for WithMemory<L> {
         smoothing: f64,
         out: &mut MemoryDerivatives,
     ) {
-        let states = self.0.states();
-        let columns = 3 + states + p.len();
-        let zero = Dual64::from(0.0);
-        let mut arguments = [zero; COLUMNS];
-        let values = [seen.q, seen.v, seen.f].into_iter();
-        let values = values
-            .chain(seen.h.iter().copied())
-            .chain(p.iter().copied());
-        for (argument, value) in arguments.iter_mut().zip(values) {
-            argument.re = value;
-        }
-        out.states = states;
-        let mut rate = [zero; MOST_STATES];
-        for column in 0..columns {
-            arguments[column].eps = 1.0;
-            let force = call(&self.0, &arguments[..columns], smoothing, &mut rate);
-            arguments[column].eps = 0.0;
-            for (row, dual) in std::iter::once(&force).chain(&rate[..states]).enumerate() {
-                out.value[row] = dual.re;
-                out.by[row][column] = dual.eps;
-            }
+        // Numbers as short as hold the derivatives.
+        match 3 + self.0.states() + p.len() {
+            0..=6 => gradients::<L, 6>(&self.0, seen, p, smoothing, out),
+            7..=8 => gradients::<L, 8>(&self.0, seen, p, smoothing, out),
+            9..=10 => gradients::<L, 10>(&self.0, seen, p, smoothing, out),
+            _ => gradients::<L, COLUMNS>(&self.0, seen, p, smoothing, out),
         }
     }
 
