@@ -7,15 +7,17 @@
 //!
 //! t² counts windows, not samples: residuals within a window are correlated.
 
+use lagrange::LANES;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::candidate::Candidate;
 use super::study::{Fitted, Study};
-use crate::effect::Kind;
-use crate::hybrid::{DrivenInputs, HiddenPath, Hybrid, Memory, Placed, Reading};
+use crate::effect::{Action, Kind};
+use crate::hybrid::{DrivenInputs, HiddenPath, Hybrid, Placed, Reading};
 use crate::shooting::problem::Problem;
-use crate::shooting::{Accumulator, Roller, Trajectory, Variation, Window};
+use crate::shooting::{Accumulator, Member, ObservedRun, Roller, SmallForce};
+use crate::shooting::{Trajectory, Variation, Window, roll_all};
 
 /// So many windows have their normal equations in memory at once.
 const AT_ONCE: usize = 16;
@@ -106,16 +108,27 @@ impl Column {
     }
 }
 
+/// What a probe changes.
+#[derive(Clone, Copy, PartialEq)]
+enum Change {
+    /// Only what is read of the fitted model's states.
+    Reading,
+    /// Forces along them: to first order about the fitted model's roll-out. Where one on a joint is all there is, its effect.
+    Forces(Option<usize>),
+    /// The states themselves, or the mechanics: it is rolled out.
+    Motion,
+}
+
 /// A candidate a probe's step into the model.
 struct Probed {
     hybrid: Hybrid,
     theta: Vec<f64>,
-    inputs: Vec<DrivenInputs>,
+    /// The inputs after its drives; none where they are those of the fitted model.
+    inputs: Option<Vec<DrivenInputs>>,
     readings: Vec<Reading>,
     /// Where the recordings take its hidden states.
     paths: Vec<HiddenPath>,
-    /// Whether it is a force, on the states of the fitted model.
-    is_force: bool,
+    change: Change,
     /// The states of the fitted model that it has too, by their place in h.
     kept: Vec<Option<usize>>,
 }
@@ -131,46 +144,65 @@ impl Probed {
             return None;
         }
         let substeps = study.substeps_for(&hybrid, &theta);
-        let runs = study.observations.runs.iter();
+        let kind = column.candidate.kind;
+        let same_states = kind.states() == 0
+            && kind.inertial().is_none()
+            && hybrid.nh() == fitted.hybrid.nh()
+            && substeps == fitted.substeps;
+        let beside = column.candidate.replaces(&fitted.hybrid).is_none();
+        let change = match kind.action {
+            Action::Sensor(_) if same_states && beside => Change::Reading,
+            Action::Joint(_) if same_states && beside => {
+                Change::Forces(hybrid.effects().len().checked_sub(1))
+            }
+            _ if same_states => Change::Forces(None),
+            _ => Change::Motion,
+        };
+        let same_inputs = substeps == fitted.substeps && !matches!(kind.action, Action::Drive(_));
+        let drive = |run: &ObservedRun| hybrid.drive(&run.t, &run.u, substeps, &theta, &[]);
+        let runs = &study.observations.runs;
         Some(Probed {
-            inputs: runs
-                .map(|run| hybrid.drive(&run.t, &run.u, substeps, &theta, &[]))
-                .collect(),
+            inputs: (!same_inputs).then(|| runs.iter().map(drive).collect()),
             readings: hybrid.readings(&theta, &[]),
             paths: study.hidden_paths(&hybrid, &theta, substeps),
-            is_force: column.candidate.kind.states() == 0
-                && column.candidate.kind.inertial().is_none()
-                && hybrid.nh() == fitted.hybrid.nh()
-                && substeps == fitted.substeps,
+            change,
             kept: kept_states(&hybrid, &fitted.hybrid),
             hybrid,
             theta,
         })
     }
 
-    /// Its states at the samples of a window that starts at `state` in the fitted model; whether there are any. To first order about
-    /// the fitted model's roll-out where it is but a force along it; where it has states of its own or changes the mechanics, it is
-    /// rolled out. `memory` is one for the fitted model: what is but a force has the same states.
-    fn rolled(
+    /// The inputs, where `fitted` are those of the fitted model.
+    fn inputs<'a>(&'a self, fitted: &'a [DrivenInputs]) -> &'a [DrivenInputs] {
+        self.inputs.as_deref().unwrap_or(fitted)
+    }
+
+    /// Where it is rolled out, its states at the samples of each window that starts at the fitted model's `states`.
+    fn moved(
         &self,
-        (window, state): (&Window, &[f64]),
-        (states, steps): (&[f64], &Variation),
-        memory: &mut Memory,
-        out: &mut Vec<f64>,
-    ) -> bool {
-        let inputs = &self.inputs[window.run];
-        if self.is_force {
-            let with = (&self.hybrid, self.theta.as_slice(), inputs);
-            steps.under(states, with, memory, out);
-            return out.iter().all(|x| x.is_finite());
+        windows: &[Window],
+        states: &[Vec<f64>],
+        fitted: &[DrivenInputs],
+    ) -> Vec<Option<Trajectory>> {
+        if self.change != Change::Motion {
+            return Vec::new();
         }
-        let span = (window.first, window.count);
-        let start = self.start(window, state);
-        let mut trajectory = Trajectory::default();
-        let rolled =
-            Roller::new(&self.hybrid, &[]).roll(&self.theta, inputs, span, &start, &mut trajectory);
-        *out = trajectory.states;
-        rolled.is_ok()
+        let inputs = self.inputs(fitted);
+        let starts: Vec<Vec<f64>> = windows
+            .iter()
+            .zip(states)
+            .map(|(window, state)| self.start(window, state))
+            .collect();
+        let members: Vec<Member> = windows
+            .iter()
+            .zip(&starts)
+            .map(|(window, initial)| Member {
+                inputs: &inputs[window.run],
+                span: (window.first, window.count),
+                initial,
+            })
+            .collect();
+        roll_all((&self.hybrid, &self.theta, &[]), &members, false)
     }
 
     /// The initial state (q, v, h) of a window that starts at `state` in the fitted model.
@@ -241,6 +273,10 @@ pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) ->
     let nx = hybrid.nx();
     let inputs = problem.drive(&fit.theta);
     let readings = problem.readings(&fit.theta);
+    let moved: Vec<Vec<Option<Trajectory>>> = probed
+        .iter()
+        .map(|with| with.moved(windows, &fit.states, &inputs))
+        .collect();
     let of_window = |index: usize| -> Option<(DMatrix<f64>, DVector<f64>)> {
         let (window, state) = (&windows[index], &fit.states[index]);
         let span = (window.first, window.count);
@@ -258,15 +294,21 @@ pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) ->
             )
             .ok()?;
         let residuals: Vec<_> = problem.residuals(window, &readings, &null.states).collect();
+        let under = forces_along(&probed, &inputs[window.run], window, (&null.states, &steps));
         // The change of what is read by each probe; nothing where it diverges.
-        let (mut memory, mut states) = (hybrid.memory(&[]), Vec::new());
         let changes: Vec<Vec<f64>> = probed
             .iter()
-            .map(|with| {
-                let from = (&*null.states, &steps);
-                if !with.rolled((window, state), from, &mut memory, &mut states) {
+            .zip(under)
+            .zip(&moved)
+            .map(|((with, under), moved)| {
+                let states = match with.change {
+                    Change::Reading => Some(null.states.clone()),
+                    Change::Forces(_) => under,
+                    Change::Motion => moved[index].as_ref().map(|t| t.states.clone()),
+                };
+                let Some(states) = states.filter(|x| x.iter().all(|x| x.is_finite())) else {
                     return vec![0.0; residuals.len()];
-                }
+                };
                 let sizes = (with.hybrid.nv(), with.hybrid.nx());
                 let change = residuals.iter().map(|r| {
                     let channel = &channels[r.channel];
@@ -337,6 +379,47 @@ pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) ->
     };
     screen.rank();
     screen
+}
+
+/// The states of a window under each probe that is but a force along its roll-out, to first order; eight at a time. `inputs` are those of
+/// the fitted model.
+fn forces_along(
+    probed: &[Probed],
+    inputs: &DrivenInputs,
+    window: &Window,
+    (states, steps): (&[f64], &Variation),
+) -> Vec<Option<Vec<f64>>> {
+    let mut under: Vec<Option<Vec<f64>>> = vec![None; probed.len()];
+    let forces: Vec<(usize, SmallForce)> = probed
+        .iter()
+        .enumerate()
+        .filter_map(|(k, with)| {
+            let Change::Forces(only) = with.change else {
+                return None;
+            };
+            let own = with.inputs.as_ref();
+            let force = SmallForce {
+                with: &with.hybrid,
+                theta: &with.theta,
+                inputs: own.map_or(inputs, |own| &own[window.run]),
+                only,
+            };
+            Some((k, force))
+        })
+        .collect();
+    // What is but a force has the same states: one memory does for all.
+    let Some(mut memory) = forces.first().map(|(_, force)| force.with.memory(&[])) else {
+        return under;
+    };
+    for eight in forces.chunks(LANES) {
+        let own: Vec<SmallForce> = eight.iter().map(|(_, force)| *force).collect();
+        let mut found = vec![Vec::new(); eight.len()];
+        steps.under(states, &own, &mut memory, &mut found);
+        for ((k, _), found) in eight.iter().zip(found) {
+            under[*k] = Some(found);
+        }
+    }
+    under
 }
 
 /// A⁻¹ B for a positive A whose rows differ widely in unit.

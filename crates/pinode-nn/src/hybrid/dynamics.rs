@@ -163,8 +163,9 @@ impl Hybrid {
         let linear = &mut memory.linear;
         let rooms = (memory.by_parameter.as_mut_slice(), &mut *memory.with_memory);
         let at = (state, theta, inputs, step);
-        self.each_derivative(at, &memory.driven, rooms, |of, by, derivative| {
+        self.each_part(at, &memory.driven, rooms, |of, by, derivative| {
             let column = match by {
+                By::Value => None,
                 By::Position(i) => Some(i),
                 By::Velocity(i) => Some(n + i),
                 By::State(k) => Some(2 * n + k),
@@ -257,12 +258,13 @@ impl Hybrid {
         }
         let rooms = (memory.by_parameter.as_mut_slice(), &mut *memory.with_memory);
         let at = (state, theta, inputs, step);
-        self.each_derivative(at, &memory.driven, rooms, |of, in_what, derivative| {
+        self.each_part(at, &memory.driven, rooms, |of, in_what, derivative| {
             let weight = match of {
                 Of::Force(i) => by.by_force[i],
                 Of::Rate(k) => of_h[k],
             };
             match in_what {
+                By::Value => {}
                 // A coordinate with an effect is one number in q and in v.
                 By::Position(i) => by_q[i] += weight * derivative,
                 By::Velocity(i) => by_v[i] += weight * derivative,
@@ -298,11 +300,11 @@ pub struct Memory {
     /// ∂v̇/∂(q, v, h, θ_free).
     accelerations: DMatrix<f64>,
     /// The free constants of the mechanics.
-    mechanics: Vec<usize>,
+    pub(super) mechanics: Vec<usize>,
     /// ∂(v̇, ḣ)/∂(q, v, h, θ_free) of the last [`Hybrid::linearize`].
     pub linear: DMatrix<f64>,
-    by_parameter: Vec<f64>,
-    with_memory: Box<MemoryDerivatives>,
+    pub(super) by_parameter: Vec<f64>,
+    pub(super) with_memory: Box<MemoryDerivatives>,
     gradient: ForwardDynamicsGradient,
     pub(super) momenta: Momenta,
 }

@@ -20,6 +20,8 @@ pub(super) enum Of {
 /// In what.
 #[derive(Clone, Copy)]
 pub(super) enum By {
+    /// In nothing: the quantity itself.
+    Value,
     /// A displacement along this entry of v.
     Position(usize),
     /// The entry of v.
@@ -35,7 +37,10 @@ pub(super) type At<'a> = (State<'a>, &'a [f64], &'a DrivenInputs, usize);
 
 impl Hybrid {
     /// The inputs that act on their joints themselves, with the entry of v that each acts on.
-    fn direct<'a>(&'a self, inputs: &'a DrivenInputs) -> impl Iterator<Item = (&'a Signal, usize)> {
+    pub(super) fn direct<'a>(
+        &'a self,
+        inputs: &'a DrivenInputs,
+    ) -> impl Iterator<Item = (&'a Signal, usize)> {
         let own = self.input_coordinates.iter().zip(&self.carried);
         let all = inputs.forces.iter().zip(own);
         all.filter(|(_, (_, carried))| !**carried)
@@ -101,6 +106,25 @@ impl Hybrid {
         }
     }
 
+    /// The entry of Q that effect `index` acts on, and its force; none where it is no force without a memory.
+    pub(crate) fn joint_force(
+        &self,
+        index: usize,
+        state: State<'_>,
+        theta: &[f64],
+    ) -> Option<(usize, f64)> {
+        let effect = &self.effects[index];
+        let Action::Joint(law) = effect.kind.action else {
+            return None;
+        };
+        let (at, p) = (
+            self.starts[effect.target],
+            &theta[self.ranges[index].clone()],
+        );
+        let smoothing = effect.smoothing * self.smoothing_scale;
+        Some((at.v, law.force(state.q[at.q], state.v[at.v], p, smoothing)))
+    }
+
     /// The force f that effect `index`, which has a memory, sees, and where it acts.
     pub(super) fn force_seen(
         &self,
@@ -156,9 +180,9 @@ impl Hybrid {
             .map(|(_, signal)| signal)
     }
 
-    /// Gives every derivative of Q and of ḣ that is not zero by the shape of the model to `add`, which sums them up; `driven` is what
-    /// [`load`](Self::load) has left.
-    pub(super) fn each_derivative(
+    /// Gives every part of Q and ḣ, and every derivative of them that is not zero by the shape of the model, to `add`, which sums them up;
+    /// `driven` is what [`drive_directly`](Self::drive_directly) has left.
+    pub(super) fn each_part(
         &self,
         (state, theta, inputs, step): At<'_>,
         driven: &DVector<f64>,
@@ -166,6 +190,7 @@ impl Hybrid {
         mut add: impl FnMut(Of, By, f64),
     ) {
         for (signal, v) in self.direct(inputs) {
+            add(Of::Force(v), By::Value, signal.value[step]);
             for (index, derivative) in &signal.by_parameter {
                 add(Of::Force(v), By::Constant(*index), derivative[step]);
             }
@@ -178,30 +203,51 @@ impl Hybrid {
                 let by_p = &mut by_parameter[..range.len()];
                 let Start { q, v } = self.starts[effect.target];
                 let at = law.derivatives(state.q[q], state.v[v], p, smoothing, by_p);
+                add(Of::Force(v), By::Value, at.force);
                 add(Of::Force(v), By::Position(v), at.by_q);
                 add(Of::Force(v), By::Velocity(v), at.by_v);
                 for (index, derivative) in range.zip(by_p) {
                     add(Of::Force(v), By::Constant(index), *derivative);
                 }
-            } else if let Some(law) = effect.kind.memory() {
-                let (at, seen, states) = self.seen(index, state, inputs, step, driven);
-                let d = &mut *with_memory;
-                law.derivatives(&seen, p, smoothing, d);
-                let rates = states.clone().map(Of::Rate);
-                for (row, of) in std::iter::once(Of::Force(at.v)).chain(rates).enumerate() {
-                    add(of, By::Position(at.v), d.by_q(row));
-                    add(of, By::Velocity(at.v), d.by_v(row));
-                    for (k, &derivative) in states.clone().zip(d.by_h(row)) {
-                        add(of, By::State(k), derivative);
-                    }
-                    for (index, &derivative) in range.clone().zip(d.by_p(row)) {
-                        add(of, By::Constant(index), derivative);
-                    }
-                    for signal in self.sources(index, inputs) {
-                        for (index, derivative) in &signal.by_parameter {
-                            add(of, By::Constant(*index), d.by_f(row) * derivative[step]);
-                        }
-                    }
+            } else if effect.kind.memory().is_some() {
+                let at = (state, theta, inputs, step);
+                self.memory_parts(index, at, driven, with_memory, &mut add);
+            }
+        }
+    }
+
+    /// The parts of effect `index`, one with a memory.
+    pub(super) fn memory_parts(
+        &self,
+        index: usize,
+        (state, theta, inputs, step): At<'_>,
+        driven: &DVector<f64>,
+        with_memory: &mut MemoryDerivatives,
+        mut add: impl FnMut(Of, By, f64),
+    ) {
+        let effect = &self.effects[index];
+        let Some(law) = effect.kind.memory() else {
+            return;
+        };
+        let range = self.ranges[index].clone();
+        let smoothing = effect.smoothing * self.smoothing_scale;
+        let (at, seen, states) = self.seen(index, state, inputs, step, driven);
+        let d = with_memory;
+        law.derivatives(&seen, &theta[range.clone()], smoothing, d);
+        let rates = states.clone().map(Of::Rate);
+        for (row, of) in std::iter::once(Of::Force(at.v)).chain(rates).enumerate() {
+            add(of, By::Value, d.value(row));
+            add(of, By::Position(at.v), d.by_q(row));
+            add(of, By::Velocity(at.v), d.by_v(row));
+            for (k, &derivative) in states.clone().zip(d.by_h(row)) {
+                add(of, By::State(k), derivative);
+            }
+            for (index, &derivative) in range.clone().zip(d.by_p(row)) {
+                add(of, By::Constant(index), derivative);
+            }
+            for signal in self.sources(index, inputs) {
+                for (index, derivative) in &signal.by_parameter {
+                    add(of, By::Constant(*index), d.by_f(row) * derivative[step]);
                 }
             }
         }

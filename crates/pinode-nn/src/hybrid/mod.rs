@@ -10,6 +10,7 @@
 
 mod contacts;
 mod dynamics;
+mod eight;
 mod extra;
 mod forces;
 mod hidden;
@@ -31,6 +32,7 @@ use crate::motion::Positions;
 
 pub use contacts::{HybridContacts, Touch};
 pub use dynamics::Memory;
+pub(crate) use eight::{Eight, EightMemory, Lane};
 pub use hidden::HiddenPath;
 pub use jumps::HeldInputs;
 pub use motion::HybridMotion;

@@ -164,23 +164,33 @@ pub fn fit(
     let channels = &observations.channels;
     let mut now = problem.rolled(&theta, states);
     for _ in 0..options.state_iterations {
-        let reduced = states_only.reduced(&theta, &now, &sigma);
+        let mut of = &problem;
+        let mut reduced = of.reduced(&theta, &mut now, &sigma);
+        // Sensitivities in θ may leave all bounds where those in the states do not.
+        if reduced.iter().any(Option::is_none) {
+            of = &states_only;
+            forget(&mut now);
+            reduced = of.reduced(&theta, &mut now, &sigma);
+        }
         let steps: Vec<_> = reduced
             .into_iter()
             .map(|r| r.map(|r| r.state_step))
             .collect();
-        now = states_only.stepped(&theta, &now, &steps, &sigma);
+        now = of.stepped(&theta, &now, &steps, &sigma);
+        if of.free.is_empty() && !free.is_empty() {
+            forget(&mut now);
+        }
         sigma = spread(channels, &now);
     }
 
     let total = |theta: &[f64], now: &[Rolled], sigma: &[f64]| -> f64 {
         problem.prior_loss(theta) + now.iter().map(|w| w.loss(sigma)).sum::<f64>()
     };
-    let mut converged = false;
+    let (mut converged, mut was_idle) = (false, false);
     let mut damping = FIRST_DAMPING;
     let mut loss = total(&theta, &now, &sigma);
     for _ in 0..options.iterations {
-        let reduced = problem.reduced(&theta, &now, &sigma);
+        let reduced = problem.reduced(&theta, &mut now, &sigma);
         let (s, g) = problem.assemble(&theta, &reduced);
         let mut accepted = false;
         let before = loss;
@@ -205,6 +215,10 @@ pub fn fit(
                 accepted = true;
                 break;
             }
+            // Without a step of θ there is nothing to damp.
+            if d.iter().all(|d| *d == 0.0) {
+                break;
+            }
             damping *= 10.0;
         }
         let decrease = before - loss;
@@ -216,16 +230,19 @@ pub fn fit(
             .fold(0.0, f64::max);
         sigma = new_sigma;
         loss = total(&theta, &now, &sigma);
-        if decrease < 0.3 + 1e-4 * before && change < 3e-3 {
+        let idle = decrease < 0.3 + 1e-4 * before;
+        // A median that goes to and fro between two residuals moves nothing: a second step that gains nothing ends the fit as well.
+        if idle && (change < 3e-3 || was_idle) {
             converged = true;
             break;
         }
+        was_idle = idle;
         if !accepted {
             damping = FIRST_DAMPING;
         }
     }
 
-    let reduced = problem.reduced(&theta, &now, &sigma);
+    let reduced = problem.reduced(&theta, &mut now, &sigma);
     let (information, _) = problem.assemble(&theta, &reduced);
     Fit {
         stretch: problem.prior_loss(&theta),
@@ -242,6 +259,13 @@ pub fn fit(
         gradients: reduced.into_iter().map(|r| r.map(|r| r.g)).collect(),
         loss,
         converged,
+    }
+}
+
+/// Drops derivatives that are in other columns than the next equations need.
+fn forget(now: &mut [Rolled]) {
+    for window in now {
+        window.trajectory = None;
     }
 }
 

@@ -3,6 +3,7 @@
 //! Long roll-outs of a mechanism forget their start and diverge near unstable points; windows of about half a second do not.
 //! Positions are compared, and velocities where they are measured and not differences of positions.
 
+mod eight;
 mod fit;
 mod normal;
 mod observation;
@@ -11,6 +12,7 @@ mod roll;
 mod variation;
 mod window;
 
+pub(crate) use eight::{Member, roll_all};
 pub use fit::{Fit, FitOptions, fit};
 pub(crate) use normal::Accumulator;
 pub use normal::{Reduced, WindowNormal};
@@ -18,5 +20,5 @@ pub use observation::{Channel, Observations, ObservedRun, wrap_angle};
 pub use problem::HiddenPrior;
 pub(crate) use roll::over_samples;
 pub use roll::{Diverged, Roller, Trajectory};
-pub(crate) use variation::Variation;
+pub(crate) use variation::{SmallForce, Variation};
 pub use window::{Window, Windows, consecutive};

@@ -1,6 +1,7 @@
 //! Normal equations of one window, and the elimination of its initial state.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
+use pulp::{Arch, NullaryFnOnce};
 
 use super::Trajectory;
 use crate::hybrid::{Predicted, Reading};
@@ -74,6 +75,9 @@ pub fn huber_loss(r: f64) -> f64 {
     }
 }
 
+/// Rows that are added at a time.
+const ROWS: usize = 8;
+
 /// Adds up a window's normal equations row by row.
 #[derive(Debug, Clone)]
 pub struct Accumulator {
@@ -81,6 +85,10 @@ pub struct Accumulator {
     all: DMatrix<f64>,
     gradient: DVector<f64>,
     prior: Vec<f64>,
+    /// Rows √w (∂ŷ/σ) that are still to be added.
+    rows: [Vec<f64>; ROWS],
+    waiting: usize,
+    arch: Arch,
 }
 
 impl Accumulator {
@@ -91,6 +99,9 @@ impl Accumulator {
             all: DMatrix::zeros(nx + free, nx + free),
             gradient: DVector::zeros(nx + free),
             prior: vec![0.0; nx],
+            rows: std::array::from_fn(|_| vec![0.0; nx + free]),
+            waiting: 0,
+            arch: Arch::new(),
         }
     }
 
@@ -105,17 +116,32 @@ impl Accumulator {
     /// Adds one residual `r` in standard deviations, whose derivative −∂r in all columns is `row`.
     pub fn add(&mut self, row: &[f64], r: f64) {
         let weight = huber_weight(r);
-        for (j, &entry) in row.iter().enumerate() {
-            let weighted = weight * entry;
-            self.gradient[j] += weighted * r;
-            for (i, &other) in row[..=j].iter().enumerate() {
-                self.all[(i, j)] += other * weighted;
-            }
+        let root = weight.sqrt();
+        let waiting = self.rows[self.waiting].iter_mut();
+        for ((waiting, gradient), &entry) in waiting.zip(self.gradient.iter_mut()).zip(row) {
+            *gradient += weight * r * entry;
+            *waiting = root * entry;
         }
+        self.waiting += 1;
+        if self.waiting == ROWS {
+            self.add_waiting();
+        }
+    }
+
+    fn add_waiting(&mut self) {
+        for row in &mut self.rows[self.waiting..] {
+            row.fill(0.0);
+        }
+        self.waiting = 0;
+        self.arch.dispatch(Squared {
+            rows: &self.rows,
+            all: self.all.as_mut_slice(),
+        });
     }
 
     /// The equations.
     pub fn finish(mut self) -> WindowNormal {
+        self.add_waiting();
         self.all.fill_lower_triangle_with_upper_triangle();
         let nx = self.nx;
         let free = self.gradient.len() - nx;
@@ -149,6 +175,33 @@ pub(crate) fn fill_row(
         }
     }
     reading.add_by_theta(&residual.predicted, scale, position, &mut row[nx..]);
+}
+
+/// Adds Rᵀ R to the upper triangle of a matrix, column after column.
+struct Squared<'a> {
+    rows: &'a [Vec<f64>; ROWS],
+    all: &'a mut [f64],
+}
+
+impl NullaryFnOnce for Squared<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let n = self.rows[0].len();
+        for (j, column) in self.all.chunks_exact_mut(n.max(1)).enumerate() {
+            let column = &mut column[..=j];
+            let rows: [&[f64]; ROWS] = std::array::from_fn(|k| &self.rows[k][..=j]);
+            let last: [f64; ROWS] = std::array::from_fn(|k| rows[k][j]);
+            for (i, to) in column.iter_mut().enumerate() {
+                let mut sum = *to;
+                for k in 0..ROWS {
+                    sum += rows[k][i] * last[k];
+                }
+                *to = sum;
+            }
+        }
+    }
 }
 
 impl WindowNormal {

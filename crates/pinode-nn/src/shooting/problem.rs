@@ -3,8 +3,9 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::eight::{Member, roll_all};
 use super::normal::{Accumulator, Residual, fill_row, huber_loss};
-use super::{Observations, Reduced, Roller, Trajectory, Window};
+use super::{Observations, Reduced, Trajectory, Window};
 use crate::hybrid::{DrivenInputs, Hybrid, Reading};
 
 /// The loss of a window whose roll-out diverges.
@@ -151,46 +152,74 @@ impl<'a> Problem<'a> {
             })
     }
 
-    /// Reduced equations of all windows at (θ, states), from the roll-outs of `present` where these have derivatives; `None` where they
-    /// fail.
+    /// The roll-outs of windows from the given initial states, in their order.
+    fn roll_out(&self, at: &At, starts: Vec<(usize, Vec<f64>)>, derivatives: bool) -> Vec<Rolled> {
+        let members: Vec<Member> = starts
+            .iter()
+            .map(|(index, initial)| {
+                let Window { run, first, count } = self.windows[*index];
+                Member {
+                    inputs: &at.inputs[run],
+                    span: (first, count),
+                    initial,
+                }
+            })
+            .collect();
+        let trajectories = roll_all((self.hybrid, at.theta, self.free), &members, derivatives);
+        starts
+            .into_iter()
+            .zip(trajectories)
+            .map(|((index, state), trajectory)| {
+                let residuals = trajectory.as_ref().map(|trajectory| {
+                    self.residuals(&self.windows[index], &at.readings, &trajectory.states)
+                        .map(|r| (r.channel, r.value))
+                        .collect()
+                });
+                let hidden = &state[self.hybrid.nx() - self.hybrid.nh()..];
+                let prior = self.hidden.of(index, hidden);
+                Rolled {
+                    prior: prior.map(|(.., r)| 0.5 * r * r).sum(),
+                    trajectory: trajectory.filter(|_| derivatives),
+                    residuals,
+                    state,
+                }
+            })
+            .collect()
+    }
+
+    /// Reduced equations of all windows at (θ, states), from the roll-outs of `present`, which are taken with derivatives where they are
+    /// without; `None` where they diverge.
     pub fn reduced(
         &self,
         theta: &[f64],
-        present: &[Rolled],
+        present: &mut [Rolled],
         sigma: &[f64],
     ) -> Vec<Option<Reduced>> {
-        let inputs = self.drive(theta);
-        let readings = self.readings(theta);
         let nx = self.hybrid.nx();
         let columns = nx + self.free.len();
+        let without: Vec<(usize, Vec<f64>)> = present
+            .iter()
+            .enumerate()
+            .filter(|(_, rolled)| rolled.trajectory.is_none() && rolled.residuals.is_some())
+            .map(|(index, rolled)| (index, rolled.state.clone()))
+            .collect();
+        let places: Vec<usize> = without.iter().map(|(index, _)| *index).collect();
+        let at = self.at(theta);
+        for (index, rolled) in places.into_iter().zip(self.roll_out(&at, without, true)) {
+            present[index].trajectory = rolled.trajectory;
+        }
         self.windows
             .par_iter()
             .enumerate()
-            .zip(present)
+            .zip(&*present)
             .map_init(
-                || {
-                    let roller = Roller::new(self.hybrid, self.free);
-                    (roller, Trajectory::default(), vec![0.0; columns])
-                },
-                |(roller, fresh, row), ((index, window), present)| {
-                    let known = present.trajectory.as_ref();
-                    let size = window.count * nx * columns;
-                    let trajectory = match known.filter(|t| t.sensitivities.len() == size) {
-                        Some(known) => known,
-                        None => {
-                            let span = (window.first, window.count);
-                            let inputs = &inputs[window.run];
-                            let from = &present.state;
-                            roller
-                                .roll_with_sensitivities(theta, inputs, span, from, fresh)
-                                .ok()?;
-                            fresh
-                        }
-                    };
+                || vec![0.0; columns],
+                |row, ((index, window), present)| {
+                    let trajectory = present.trajectory.as_ref()?;
                     let mut normal = Accumulator::new(nx, self.free.len());
-                    for r in self.residuals(window, &readings, &trajectory.states) {
+                    for r in self.residuals(window, &at.readings, &trajectory.states) {
                         let scale = 1.0 / sigma[r.channel];
-                        self.fill_row(row, &r, &readings, scale, trajectory);
+                        self.fill_row(row, &r, &at.readings, scale, trajectory);
                         normal.add(row, r.value * scale);
                     }
                     self.add_prior(index, &present.state, &mut normal);
@@ -230,21 +259,22 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// The roll-outs from the given initial states.
+    /// The roll-outs from the given initial states, with derivatives where these stay within bounds.
     pub fn rolled(&self, theta: &[f64], states: Vec<Vec<f64>>) -> Vec<Rolled> {
-        let inputs = self.drive(theta);
-        let readings = self.readings(theta);
-        (0..self.windows.len())
-            .into_par_iter()
-            .zip(states)
-            .map_init(
-                || Roller::new(self.hybrid, &[]),
-                |roller, (window, state)| {
-                    let at = (theta, inputs.as_slice(), readings.as_slice());
-                    self.roll(roller, at, window, state, false)
-                },
-            )
-            .collect()
+        let at = self.at(theta);
+        let starts = states.into_iter().enumerate().collect();
+        let mut rolled = self.roll_out(&at, starts, true);
+        let without: Vec<(usize, Vec<f64>)> = rolled
+            .iter()
+            .enumerate()
+            .filter(|(_, rolled)| rolled.residuals.is_none())
+            .map(|(index, rolled)| (index, rolled.state.clone()))
+            .collect();
+        let places: Vec<usize> = without.iter().map(|(index, _)| *index).collect();
+        for (index, own) in places.into_iter().zip(self.roll_out(&at, without, false)) {
+            rolled[index] = own;
+        }
+        rolled
     }
 
     /// The roll-outs after a step of every initial state: the full one where it does not raise the loss above the present one, else
@@ -256,70 +286,52 @@ impl<'a> Problem<'a> {
         steps: &[Option<DVector<f64>>],
         sigma: &[f64],
     ) -> Vec<Rolled> {
-        let inputs = self.drive(theta);
-        let readings = self.readings(theta);
-        (0..self.windows.len())
-            .into_par_iter()
-            .zip(present)
-            .zip(steps)
-            .map_init(
-                || Roller::new(self.hybrid, self.free),
-                |roller, ((window, present), step)| {
-                    let limit = present.loss(sigma);
-                    let fractions: &[f64] = match step {
-                        Some(_) => &[1.0, 0.3, 0.0],
-                        None => &[0.0],
-                    };
-                    let mut best: Option<(f64, Rolled)> = None;
-                    for fraction in fractions {
-                        let mut state = present.state.clone();
-                        for (x, d) in state.iter_mut().zip(step.iter().flat_map(|d| d.iter())) {
-                            *x += fraction * d;
+        let at = self.at(theta);
+        let limits: Vec<f64> = present.iter().map(|rolled| rolled.loss(sigma)).collect();
+        let mut best: Vec<Option<(f64, Rolled)>> = vec![None; present.len()];
+        for fraction in [1.0, 0.3, 0.0] {
+            let starts: Vec<(usize, Vec<f64>)> = present
+                .iter()
+                .zip(steps)
+                .enumerate()
+                .filter(|(index, _)| {
+                    let best = best[*index].as_ref();
+                    best.is_none_or(|(loss, _)| *loss > limits[*index])
+                })
+                .filter_map(|(index, (present, step))| {
+                    let mut state = present.state.clone();
+                    match step {
+                        Some(step) => {
+                            for (x, d) in state.iter_mut().zip(step.iter()) {
+                                *x += fraction * d;
+                            }
                         }
-                        let at = (theta, inputs.as_slice(), readings.as_slice());
-                        let rolled = self.roll(roller, at, window, state, *fraction == 1.0);
-                        let loss = rolled.loss(sigma);
-                        if best.as_ref().is_none_or(|(least, _)| loss < *least) {
-                            best = Some((loss, rolled));
-                        }
-                        if loss <= limit {
-                            break;
-                        }
+                        None if fraction > 0.0 => return None,
+                        None => {}
                     }
-                    best.map_or_else(|| present.clone(), |(_, rolled)| rolled)
-                },
-            )
+                    Some((index, state))
+                })
+                .collect();
+            let indices: Vec<usize> = starts.iter().map(|(index, _)| *index).collect();
+            let rolled = self.roll_out(&at, starts, fraction == 1.0);
+            for (index, rolled) in indices.into_iter().zip(rolled) {
+                let loss = rolled.loss(sigma);
+                if best[index].as_ref().is_none_or(|(least, _)| loss < *least) {
+                    best[index] = Some((loss, rolled));
+                }
+            }
+        }
+        best.into_iter()
+            .zip(present)
+            .map(|(best, present)| best.map_or_else(|| present.clone(), |(_, rolled)| rolled))
             .collect()
     }
 
-    fn roll(
-        &self,
-        roller: &mut Roller,
-        (theta, inputs, readings): (&[f64], &[DrivenInputs], &[Reading]),
-        index: usize,
-        state: Vec<f64>,
-        with_derivatives: bool,
-    ) -> Rolled {
-        let window = &self.windows[index];
-        let span = (window.first, window.count);
-        let inputs = &inputs[window.run];
-        let mut trajectory = Trajectory::default();
-        let rolled = match with_derivatives {
-            true => roller.roll_with_sensitivities(theta, inputs, span, &state, &mut trajectory),
-            false => roller.roll(theta, inputs, span, &state, &mut trajectory),
-        };
-        let residuals = rolled.is_ok().then(|| {
-            self.residuals(window, readings, &trajectory.states)
-                .map(|r| (r.channel, r.value))
-                .collect()
-        });
-        let hidden = &state[self.hybrid.nx() - self.hybrid.nh()..];
-        let prior = self.hidden.of(index, hidden);
-        Rolled {
-            prior: prior.map(|(.., r)| 0.5 * r * r).sum(),
-            trajectory: (with_derivatives && residuals.is_some()).then_some(trajectory),
-            residuals,
-            state,
+    fn at<'b>(&self, theta: &'b [f64]) -> At<'b> {
+        At {
+            theta,
+            inputs: self.drive(theta),
+            readings: self.readings(theta),
         }
     }
 
@@ -357,4 +369,11 @@ impl<'a> Problem<'a> {
         }
         (s, g)
     }
+}
+
+/// θ, and what follows from it for all windows.
+struct At<'a> {
+    theta: &'a [f64],
+    inputs: Vec<DrivenInputs>,
+    readings: Vec<Reading>,
 }

@@ -1,9 +1,11 @@
 //! What small forces along a roll-out do to it, to first order.
 
 use integrators::Method;
+use lagrange::LANES;
+use pulp::{Arch, NullaryFnOnce};
 
 use super::{Diverged, Roller, Trajectory};
-use crate::hybrid::{DrivenInputs, Hybrid, Memory};
+use crate::hybrid::{DrivenInputs, Hybrid, Lane, Memory};
 
 /// A roll-out taken apart into its integration steps, so that the effect of any small force along it takes one pass:
 ///
@@ -117,57 +119,139 @@ impl Variation {
         Ok(())
     }
 
-    /// The states at the samples, `states` of the roll-out plus what the forces of `with` instead of its own would change. `with` has the
-    /// same states.
+    /// The states at the samples under each of up to eight forces: `states` of the roll-out plus what the force would change, into `out`,
+    /// one a force.
     pub fn under(
         &self,
         states: &[f64],
-        (with, theta, inputs): (&Hybrid, &[f64], &DrivenInputs),
+        forces: &[SmallForce<'_>],
         memory: &mut Memory,
-        out: &mut Vec<f64>,
+        out: &mut [Vec<f64>],
+    ) {
+        let Some(first) = forces.first() else {
+            return;
+        };
+        let (nx, substeps) = (first.with.nx(), first.inputs.grid.substeps);
+        let steps = self.middles.len() / nx;
+        let mut halves = vec![[0.0; LANES]; steps * nx];
+        for (lane, force) in forces.iter().enumerate() {
+            self.push(force, memory, |entry, half| halves[entry][lane] = half);
+        }
+        let mut changes = vec![[0.0; LANES]; nx * (1 + steps / substeps)];
+        Arch::new().dispatch(Carried {
+            nx,
+            substeps,
+            transitions: &self.transitions,
+            halves: &mut halves,
+            changes: &mut changes,
+        });
+        for (lane, out) in out.iter_mut().enumerate() {
+            out.clear();
+            out.extend(states.iter().zip(&changes).map(|(x, d)| x + d[lane]));
+        }
+    }
+
+    /// ½ b_i of a force, entry after entry of all steps, to `half`.
+    fn push(
+        &self,
+        &SmallForce {
+            with,
+            theta,
+            inputs,
+            only,
+        }: &SmallForce<'_>,
+        memory: &mut Memory,
+        mut half: impl FnMut(usize, f64),
     ) {
         let (nv, nx) = (with.nv(), with.nx());
-        let below = nx - nv;
-        out.clear();
-        out.extend_from_slice(states);
-        let mut change = vec![0.0; nx];
-        let mut half = vec![0.0; nx];
-        let mut moved = vec![0.0; nx];
-        let substeps = inputs.grid.substeps;
         let own = self
-            .transitions
-            .chunks_exact(nx * nx)
-            .zip(self.middles.chunks_exact(nx))
-            .zip(self.forces.chunks_exact(below))
+            .middles
+            .chunks_exact(nx)
+            .zip(self.forces.chunks_exact(nx - nv))
             .zip(self.responses.chunks_exact(nv * nv));
-        for (i, (((transition, middle), before), response)) in own.enumerate() {
+        let mut sum = vec![0.0; nv];
+        for (i, ((middle, before), response)) in own.enumerate() {
             let step = self.first + i;
             let h = inputs.grid.bounds[step + 1] - inputs.grid.bounds[step];
-            let (force, rates) = with.forces(with.parts(middle), theta, inputs, step, memory);
-            half.fill(0.0);
-            for (j, force) in force.iter().enumerate() {
-                let force = 0.5 * h * (force - before[j]);
-                if force != 0.0 {
-                    for (k, response) in response[j * nv..(j + 1) * nv].iter().enumerate() {
-                        half[nv + k] += force * response;
+            let state = with.parts(middle);
+            sum.fill(0.0);
+            let mut add = |j: usize, force: f64| {
+                let column = &response[j * nv..(j + 1) * nv];
+                for (sum, response) in sum.iter_mut().zip(column) {
+                    *sum += 0.5 * h * force * response;
+                }
+            };
+            match only.and_then(|effect| with.joint_force(effect, state, theta)) {
+                Some((j, force)) => add(j, force),
+                None => {
+                    let (force, rates) = with.forces(state, theta, inputs, step, memory);
+                    for (j, (force, before)) in force.iter().zip(before).enumerate() {
+                        add(j, force - before);
+                    }
+                    for (k, rate) in rates.iter().enumerate() {
+                        half(i * nx + 2 * nv + k, 0.5 * h * (rate - before[nv + k]));
                     }
                 }
             }
-            for (k, rate) in rates.iter().enumerate() {
-                half[2 * nv + k] = 0.5 * h * (rate - before[nv + k]);
+            for (k, sum) in sum.iter().enumerate() {
+                half(i * nx + nv + k, *sum);
             }
-            for (x, half) in change.iter_mut().zip(&half) {
-                *x += half;
-            }
-            multiply(transition, &change, &mut moved);
-            for ((x, moved), half) in change.iter_mut().zip(&moved).zip(&half) {
-                *x = moved + half;
-            }
-            if (i + 1) % substeps == 0 {
-                let sample = (i + 1) / substeps;
-                for (x, change) in out[sample * nx..(sample + 1) * nx].iter_mut().zip(&change) {
-                    *x += change;
+        }
+    }
+}
+
+/// A small force along a roll-out: the model that has it. Its states are those of the roll-out's own model.
+#[derive(Clone, Copy)]
+pub struct SmallForce<'a> {
+    /// The model.
+    pub with: &'a Hybrid,
+    /// Its θ.
+    pub theta: &'a [f64],
+    /// Its inputs.
+    pub inputs: &'a DrivenInputs,
+    /// The effect that is all it has more, a force on a joint; none where its forces differ otherwise.
+    pub only: Option<usize>,
+}
+
+/// δx_{i+1} = F_i (δx_i + ½ b_i) + ½ b_i of eight forces at once.
+struct Carried<'a> {
+    nx: usize,
+    substeps: usize,
+    transitions: &'a [f64],
+    /// ½ b_i of every step; δx after it in its place.
+    halves: &'a mut [Lane],
+    /// δx at the samples, zero at the first.
+    changes: &'a mut [Lane],
+}
+
+impl NullaryFnOnce for Carried<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let nx = self.nx;
+        let samples = self.transitions.chunks_exact(nx * nx * self.substeps);
+        let samples = samples.zip(self.halves.chunks_exact_mut(nx * self.substeps));
+        for (sample, (transitions, halves)) in samples.enumerate() {
+            // What is carried moves on in the place of the next sample.
+            let (before, after) = self.changes[sample * nx..].split_at_mut(nx);
+            let after = &mut after[..nx];
+            after.copy_from_slice(before);
+            let steps = transitions.chunks_exact(nx * nx);
+            for (transition, halves) in steps.zip(halves.chunks_exact_mut(nx)) {
+                for (x, half) in after.iter_mut().zip(&*halves) {
+                    for (x, half) in x.iter_mut().zip(half) {
+                        *x += half;
+                    }
                 }
+                for (column, x) in transition.chunks_exact(nx).zip(&*after) {
+                    for (moved, f) in halves.iter_mut().zip(column) {
+                        for (moved, x) in moved.iter_mut().zip(x) {
+                            *moved += f * x;
+                        }
+                    }
+                }
+                after.copy_from_slice(halves);
             }
         }
     }
@@ -180,7 +264,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::effect::registry;
+    use crate::effect::{Action, registry};
     use crate::hybrid::Placed;
     use crate::model::Model;
 
@@ -260,10 +344,21 @@ mod tests {
                     .unwrap();
                 let theta = with.theta();
                 let inputs = pushes(&with, &theta, substeps);
-                let mut found = Vec::new();
                 let mut memory = with.memory(&[]);
-                let under = (&with, theta.as_slice(), &inputs);
-                steps.under(&null.states, under, &mut memory, &mut found);
+                let force = SmallForce {
+                    with: &with,
+                    theta: &theta,
+                    inputs: &inputs,
+                    only: None,
+                };
+                let mut both = [Vec::new(), Vec::new()];
+                let only =
+                    matches!(kind.action, Action::Joint(_)).then_some(with.effects().len() - 1);
+                let forces = [force, SmallForce { only, ..force }];
+                steps.under(&null.states, &forces, &mut memory, &mut both);
+                let [found, alone] = both;
+                // The difference of two forces has lost as many digits as it is smaller than they are.
+                assert!(distance(&found, &alone) < 1e-6 * distance(&found, &null.states));
                 let mut exact = Trajectory::default();
                 Roller::new(&with, &[])
                     .roll(&theta, &inputs, SPAN, &START, &mut exact)

@@ -1,0 +1,301 @@
+//! v̇ and ḣ of eight states at once, with their derivatives.
+
+use lagrange::{Error, ForwardDynamicsDerivatives, LANES};
+use pulp::{Arch, NullaryFnOnce};
+
+use super::forces::{By, Of};
+use super::{DrivenInputs, Hybrid, Memory};
+use crate::effect::Action;
+use crate::entries::Start;
+
+/// One number of each of eight states.
+pub(crate) type Lane = [f64; LANES];
+
+/// Where eight states stand: the inputs of the recording of each, and its integration step.
+#[derive(Clone, Copy)]
+pub(crate) struct Eight<'a> {
+    /// One a state.
+    pub inputs: [&'a DrivenInputs; LANES],
+    /// One a state.
+    pub steps: [usize; LANES],
+}
+
+/// Memory of one thread for one set of free constants.
+pub(crate) struct EightMemory {
+    /// That of one state, for what is done state by state.
+    one: Memory,
+    /// One state.
+    state: Vec<f64>,
+    /// For every entry of θ its column among (q, v, h, θ_free).
+    columns: Vec<Option<usize>>,
+    /// Q.
+    force: Vec<Lane>,
+    /// ∂Q/∂(q, v, h, θ_free) of inputs and effects, column after column.
+    forces: Vec<Lane>,
+    /// ∂Q_j/∂p of one effect.
+    by_parameter: Vec<Lane>,
+    by: ForwardDynamicsDerivatives<Lane>,
+    arch: Arch,
+    /// (v̇, ḣ) of the last call.
+    pub rates: Vec<Lane>,
+    /// ∂(v̇, ḣ)/∂(q, v, h, θ_free) of the last call, column after column.
+    pub linear: Vec<Lane>,
+}
+
+impl Hybrid {
+    /// Memory for [`linearize_eight`](Self::linearize_eight) for one thread.
+    pub(crate) fn memory_of_eight(&self, free: &[usize]) -> EightMemory {
+        let (n, nh) = (self.nv(), self.nh());
+        let one = self.memory(free);
+        let count = 2 * n + nh + free.len();
+        let place = |index| free.binary_search(&index).ok().map(|k| 2 * n + nh + k);
+        let zeros = |n: usize| vec![[0.0; LANES]; n];
+        EightMemory {
+            state: vec![0.0; self.nx()],
+            columns: (0..self.constants.len()).map(place).collect(),
+            force: zeros(n),
+            forces: zeros(n * count),
+            by_parameter: zeros(one.by_parameter.len()),
+            by: ForwardDynamicsDerivatives::lanes(n, one.mechanics.len()),
+            arch: Arch::new(),
+            rates: zeros(n + nh),
+            linear: zeros((n + nh) * count),
+            one,
+        }
+    }
+
+    /// As [`linearize`](Self::linearize), of eight states; left in `memory.rates` and `memory.linear`. The mechanics takes them all at
+    /// once, the effects one after the other. An error is that of any of the eight.
+    pub(crate) fn linearize_eight(
+        &self,
+        x: &[Lane],
+        theta: &[f64],
+        free: &[usize],
+        at: &Eight<'_>,
+        memory: &mut EightMemory,
+    ) -> Result<(), Error> {
+        if self.extra.is_some() {
+            return self.linearize_one_by_one(x, theta, free, at, memory);
+        }
+        let (n, nq) = (self.nv(), self.nq());
+        let below = n + self.nh();
+        let EightMemory {
+            one,
+            state,
+            columns,
+            force,
+            forces,
+            by_parameter,
+            by,
+            arch,
+            rates,
+            linear,
+        } = memory;
+        for lanes in [&mut *force, &mut *forces, &mut *rates, &mut *linear] {
+            lanes.fill([0.0; LANES]);
+        }
+        for (lane, (inputs, step)) in at.inputs.iter().zip(at.steps).enumerate() {
+            for (signal, v) in self.direct(inputs) {
+                force[v][lane] += signal.value[step];
+                for (index, derivative) in &signal.by_parameter {
+                    if let Some(column) = columns[*index] {
+                        forces[column * n + v][lane] += derivative[step];
+                    }
+                }
+            }
+        }
+        for (index, effect) in self.effects.iter().enumerate() {
+            if let Action::Joint(law) = effect.kind.action {
+                let range = self.ranges[index].clone();
+                let Start { q, v } = self.starts[effect.target];
+                let smoothing = effect.smoothing * self.smoothing_scale;
+                let (by_p, p) = (&mut by_parameter[..range.len()], &theta[range.clone()]);
+                let [value, by_q, by_v] =
+                    law.derivatives_of_eight(&x[q], &x[nq + v], p, smoothing, by_p);
+                add(&mut force[v], &value);
+                add(&mut forces[v * n + v], &by_q);
+                add(&mut forces[(n + v) * n + v], &by_v);
+                for (index, by) in range.zip(by_p) {
+                    if let Some(column) = columns[index] {
+                        add(&mut forces[column * n + v], by);
+                    }
+                }
+            } else if effect.kind.memory().is_some() {
+                for lane in 0..LANES {
+                    for (to, from) in state.iter_mut().zip(x) {
+                        *to = from[lane];
+                    }
+                    let (inputs, step) = (at.inputs[lane], at.steps[lane]);
+                    self.drive_directly(inputs, step, &mut one.driven);
+                    let at = (self.parts(state), theta, inputs, step);
+                    let room = &mut *one.with_memory;
+                    self.memory_parts(index, at, &one.driven, room, |of, by, part| {
+                        let column = match by {
+                            By::Value => match of {
+                                Of::Force(i) => return force[i][lane] += part,
+                                Of::Rate(k) => return rates[n + k][lane] += part,
+                            },
+                            By::Position(i) => Some(i),
+                            By::Velocity(i) => Some(n + i),
+                            By::State(k) => Some(2 * n + k),
+                            By::Constant(index) => columns[index],
+                        };
+                        let Some(column) = column else {
+                            return;
+                        };
+                        match of {
+                            Of::Force(i) => forces[column * n + i][lane] += part,
+                            Of::Rate(k) => linear[column * below + n + k][lane] += part,
+                        }
+                    });
+                }
+            }
+        }
+        self.mechanics.forward_dynamics_derivatives_lanes_into(
+            &x[..nq],
+            &x[nq..nq + n],
+            force,
+            &theta[self.mechanics_range()],
+            &one.mechanics,
+            &mut one.work,
+            by,
+        )?;
+        rates[..n].copy_from_slice(by.acceleration.as_slice());
+        let by_force = by.by_force.as_slice();
+        arch.dispatch(Chained {
+            sizes: (n, below),
+            by_force,
+            forces,
+            linear,
+        });
+        // What the mechanics adds.
+        let in_state = by.by_q.as_slice().chunks_exact(n);
+        let in_state = in_state.chain(by.by_v.as_slice().chunks_exact(n));
+        let in_constants = by.by_p.as_slice().chunks_exact(n);
+        let places = one.mechanics.iter().filter_map(|&index| columns[index]);
+        for (column, from) in in_state.enumerate().chain(places.zip(in_constants)) {
+            for (to, from) in linear[column * below..].iter_mut().zip(from) {
+                add(to, from);
+            }
+        }
+        Ok(())
+    }
+
+    /// As [`acceleration`](Self::acceleration), of eight states; left in `memory.rates`.
+    pub(crate) fn accelerate_eight(
+        &self,
+        x: &[Lane],
+        theta: &[f64],
+        at: &Eight<'_>,
+        memory: &mut EightMemory,
+    ) -> Result<(), Error> {
+        let (n, nq) = (self.nv(), self.nq());
+        let EightMemory {
+            one, state, rates, ..
+        } = memory;
+        for lane in 0..LANES {
+            for (to, from) in state.iter_mut().zip(x) {
+                *to = from[lane];
+            }
+            let (inputs, step) = (at.inputs[lane], at.steps[lane]);
+            match self.extra {
+                Some(_) => self.acceleration(self.parts(state), theta, inputs, step, one)?,
+                None => self.load(self.parts(state), theta, inputs, step, one),
+            }
+            let found = one.acceleration.iter().chain(one.rates.iter());
+            for (to, from) in rates.iter_mut().zip(found) {
+                to[lane] = *from;
+            }
+        }
+        if self.extra.is_some() {
+            return Ok(());
+        }
+        self.mechanics.forward_dynamics_lanes_into(
+            &x[..nq],
+            &x[nq..nq + n],
+            &theta[self.mechanics_range()],
+            &mut one.work,
+            &mut rates[..n],
+        )
+    }
+
+    fn linearize_one_by_one(
+        &self,
+        x: &[Lane],
+        theta: &[f64],
+        free: &[usize],
+        at: &Eight<'_>,
+        memory: &mut EightMemory,
+    ) -> Result<(), Error> {
+        let EightMemory {
+            one,
+            state,
+            rates,
+            linear,
+            ..
+        } = memory;
+        for lane in 0..LANES {
+            for (to, from) in state.iter_mut().zip(x) {
+                *to = from[lane];
+            }
+            let (inputs, step) = (at.inputs[lane], at.steps[lane]);
+            self.linearize(self.parts(state), theta, free, inputs, step, one)?;
+            let found = one.acceleration.iter().chain(one.rates.iter());
+            for (to, from) in rates.iter_mut().zip(found) {
+                to[lane] = *from;
+            }
+            for (to, from) in linear.iter_mut().zip(one.linear.iter()) {
+                to[lane] = *from;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// to += from.
+fn add(to: &mut Lane, from: &Lane) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to += from;
+    }
+}
+
+/// ∂v̇/∂Q times ∂Q/∂x, into the upper rows of `linear`.
+struct Chained<'a> {
+    /// n and the rows of `linear`.
+    sizes: (usize, usize),
+    by_force: &'a [Lane],
+    forces: &'a [Lane],
+    linear: &'a mut [Lane],
+}
+
+impl NullaryFnOnce for Chained<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        // Sizes that are known are unrolled.
+        match self.sizes {
+            (2, 2) => self.columns(2, 2),
+            (n, below) => self.columns(n, below),
+        }
+    }
+}
+
+impl Chained<'_> {
+    #[inline(always)]
+    fn columns(self, n: usize, below: usize) {
+        let columns = self.forces.chunks_exact(n);
+        for (out, forces) in self.linear.chunks_exact_mut(below).zip(columns) {
+            for (i, out) in out[..n].iter_mut().enumerate() {
+                let mut sum = [0.0; LANES];
+                for (j, force) in forces.iter().enumerate() {
+                    let response = &self.by_force[j * n + i];
+                    for ((sum, r), f) in sum.iter_mut().zip(response).zip(force) {
+                        *sum += r * f;
+                    }
+                }
+                *out = sum;
+            }
+        }
+    }
+}

@@ -1,0 +1,399 @@
+//! Roll-outs of eight windows at once, with exact sensitivities.
+
+use lagrange::LANES;
+use pulp::{Arch, NullaryFnOnce};
+use rayon::prelude::*;
+
+use super::{Diverged, Roller, Trajectory};
+use crate::hybrid::{DrivenInputs, Eight, EightMemory, Hybrid, Lane};
+
+/// One window to be rolled out.
+#[derive(Clone, Copy)]
+pub(crate) struct Member<'a> {
+    /// The inputs of its recording.
+    pub inputs: &'a DrivenInputs,
+    /// Its first sample and their number.
+    pub span: (usize, usize),
+    /// Its initial state.
+    pub initial: &'a [f64],
+}
+
+/// Rolls out eight windows at once on one thread: as [`Roller::roll_with_sensitivities`](super::Roller::roll_with_sensitivities), in lanes.
+pub(crate) struct EightRoller<'a> {
+    hybrid: &'a Hybrid,
+    free: &'a [usize],
+    memory: EightMemory,
+    arch: Arch,
+    /// (x, S) at the beginning of the step.
+    base: Vec<Lane>,
+    /// (x, S) at a stage of it.
+    point: Vec<Lane>,
+    /// k₁ + 2 k₂ + 2 k₃ + k₄.
+    sum: Vec<Lane>,
+    /// One column of a slope.
+    slope: Vec<Lane>,
+}
+
+impl<'a> EightRoller<'a> {
+    /// For the model with these free entries of θ.
+    pub fn new(hybrid: &'a Hybrid, free: &'a [usize]) -> Self {
+        let nx = hybrid.nx();
+        let zeros = |n: usize| vec![[0.0; LANES]; n];
+        EightRoller {
+            hybrid,
+            free,
+            memory: hybrid.memory_of_eight(free),
+            arch: Arch::new(),
+            base: Vec::new(),
+            point: Vec::new(),
+            sum: Vec::new(),
+            slope: zeros(nx),
+        }
+    }
+
+    /// Rolls out up to eight windows with the same number of samples and of steps between them: as
+    /// [`Roller::roll`](super::Roller::roll) each. An error is that of any of them.
+    pub fn roll(
+        &mut self,
+        theta: &[f64],
+        members: &[Member<'_>],
+        out: &mut [Trajectory],
+    ) -> Result<(), Diverged> {
+        self.roll_columns(1, theta, members, out)
+    }
+
+    /// The same with sensitivities in the initial state and θ_free.
+    pub fn roll_with_sensitivities(
+        &mut self,
+        theta: &[f64],
+        members: &[Member<'_>],
+        out: &mut [Trajectory],
+    ) -> Result<(), Diverged> {
+        let columns = 1 + self.hybrid.nx() + self.free.len();
+        self.roll_columns(columns, theta, members, out)
+    }
+
+    /// `columns`: how many of (x, S).
+    fn roll_columns(
+        &mut self,
+        columns: usize,
+        theta: &[f64],
+        members: &[Member<'_>],
+        out: &mut [Trajectory],
+    ) -> Result<(), Diverged> {
+        let Some(last) = members.last() else {
+            return Ok(());
+        };
+        // Lanes that are left over repeat the last window.
+        let members: [&Member; LANES] = std::array::from_fn(|k| members.get(k).unwrap_or(last));
+        let inputs = members.map(|member| member.inputs);
+        let (count, substeps) = (last.span.1, last.inputs.grid.substeps);
+        let nx = self.hybrid.nx();
+        for lanes in [&mut self.base, &mut self.point, &mut self.sum] {
+            lanes.resize(columns * nx, [0.0; LANES]);
+        }
+        self.base.fill([0.0; LANES]);
+        for i in 0..nx {
+            self.base[i] = members.map(|member| member.initial[i]);
+        }
+        for diagonal in self.base[nx..].iter_mut().step_by(nx + 1).take(nx) {
+            *diagonal = [1.0; LANES];
+        }
+        for out in out.iter_mut() {
+            out.states.clear();
+            out.sensitivities.clear();
+            out.states.reserve_exact(count * nx);
+            out.sensitivities.reserve_exact(count * (columns - 1) * nx);
+        }
+        self.keep(out);
+        for sample in 0..count - 1 {
+            for step in 0..substeps {
+                let steps = members.map(|m| (m.span.0 + sample) * substeps + step);
+                self.step(theta, &Eight { inputs, steps })?;
+            }
+            Diverged::check(self.base.as_flattened())?;
+            self.keep(out);
+        }
+        Ok(())
+    }
+
+    /// Appends the present (x, S) to each window's own.
+    fn keep(&self, out: &mut [Trajectory]) {
+        let (x, s) = self.base.split_at(self.hybrid.nx());
+        for (lane, out) in out.iter_mut().enumerate() {
+            out.states.extend(x.iter().map(|x| x[lane]));
+            out.sensitivities.extend(s.iter().map(|s| s[lane]));
+        }
+    }
+
+    /// One step of the classical Runge-Kutta method for (x, S), Ṡ = (∂f/∂x) S + ∂f/∂θ.
+    fn step(&mut self, theta: &[f64], at: &Eight<'_>) -> Result<(), Diverged> {
+        let h = std::array::from_fn(|lane| {
+            let (bounds, step) = (&at.inputs[lane].grid.bounds, at.steps[lane]);
+            bounds[step + 1] - bounds[step]
+        });
+        self.point.copy_from_slice(&self.base);
+        self.stage::<0>(theta, at, h)?;
+        self.stage::<1>(theta, at, h)?;
+        self.stage::<2>(theta, at, h)?;
+        self.stage::<3>(theta, at, h)
+    }
+
+    fn stage<const STAGE: usize>(
+        &mut self,
+        theta: &[f64],
+        at: &Eight<'_>,
+        h: Lane,
+    ) -> Result<(), Diverged> {
+        let (n, nx) = (self.hybrid.nv(), self.hybrid.nx());
+        let (memory, x) = (&mut self.memory, &self.point[..nx]);
+        let found = match self.point.len() > nx {
+            true => {
+                let (hybrid, free) = (self.hybrid, self.free);
+                hybrid.linearize_eight(x, theta, free, at, memory)
+            }
+            false => self.hybrid.accelerate_eight(x, theta, at, memory),
+        };
+        found.map_err(Diverged::Dynamics)?;
+        self.arch.dispatch(Stage::<STAGE> {
+            sizes: (n, nx),
+            rates: &memory.rates,
+            linear: &memory.linear,
+            h,
+            slope: &mut self.slope,
+            at: (&mut self.base, &mut self.point, &mut self.sum),
+        });
+        Ok(())
+    }
+}
+
+/// What follows the evaluation of f and its derivatives at one of the four stages.
+struct Stage<'a, const STAGE: usize> {
+    /// n = nv and nx.
+    sizes: (usize, usize),
+    rates: &'a [Lane],
+    linear: &'a [Lane],
+    h: Lane,
+    slope: &'a mut [Lane],
+    /// Base, point and sum.
+    at: (&'a mut [Lane], &'a mut [Lane], &'a mut [Lane]),
+}
+
+impl<const STAGE: usize> NullaryFnOnce for Stage<'_, STAGE> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        // Sizes that are known are unrolled.
+        match self.sizes {
+            (2, 4) => self.columns(2, 4),
+            (n, nx) => self.columns(n, nx),
+        }
+    }
+}
+
+impl<const STAGE: usize> Stage<'_, STAGE> {
+    #[inline(always)]
+    fn columns(self, n: usize, nx: usize) {
+        let below = nx - n;
+        let (base, point, sum) = self.at;
+        let slope = &mut self.slope[..nx];
+        let columns = base.chunks_exact_mut(nx).zip(point.chunks_exact_mut(nx));
+        for (column, ((base, point), sum)) in columns.zip(sum.chunks_exact_mut(nx)).enumerate() {
+            slope[..n].copy_from_slice(&point[n..2 * n]);
+            for i in 0..below {
+                // The first column is x, then nx of them are ∂x/∂x₀, then those in θ.
+                let mut rate = match column {
+                    0 => self.rates[i],
+                    _ if column <= nx => [0.0; LANES],
+                    _ => self.linear[(column - 1) * below + i],
+                };
+                if column > 0 {
+                    for (j, s) in point.iter().enumerate().take(nx) {
+                        let by = &self.linear[j * below + i];
+                        for ((rate, by), s) in rate.iter_mut().zip(by).zip(s) {
+                            *rate += by * s;
+                        }
+                    }
+                }
+                slope[n + i] = rate;
+            }
+            for i in 0..nx {
+                for lane in 0..LANES {
+                    let (h, k) = (self.h[lane], slope[i][lane]);
+                    match STAGE {
+                        0 => sum[i][lane] = k,
+                        1 | 2 => sum[i][lane] += 2.0 * k,
+                        _ => base[i][lane] += h / 6.0 * (sum[i][lane] + k),
+                    }
+                    point[i][lane] = match STAGE {
+                        0 | 1 => base[i][lane] + h / 2.0 * k,
+                        2 => base[i][lane] + h * k,
+                        _ => base[i][lane],
+                    };
+                }
+            }
+        }
+    }
+}
+
+/// The roll-outs of windows, in their order, eight at once and in threads; none where they diverge. Where one of eight does, all of them
+/// are rolled out one after the other. Results depend on the groups by rounding, on the number of threads not at all.
+pub(crate) fn roll_all(
+    (hybrid, theta, free): (&Hybrid, &[f64], &[usize]),
+    members: &[Member<'_>],
+    derivatives: bool,
+) -> Vec<Option<Trajectory>> {
+    let steps = |member: &Member| (member.span.1, member.inputs.grid.substeps);
+    let groups: Vec<&[Member]> = members
+        .chunk_by(|a, b| steps(a) == steps(b))
+        .flat_map(|alike| alike.chunks(LANES))
+        .collect();
+    let rollers = || (EightRoller::new(hybrid, free), Roller::new(hybrid, free));
+    groups
+        .into_par_iter()
+        .map_init(rollers, |(eight, one), members| {
+            let mut rolled = vec![Trajectory::default(); members.len()];
+            let at_once = match derivatives {
+                true => eight.roll_with_sensitivities(theta, members, &mut rolled),
+                false => eight.roll(theta, members, &mut rolled),
+            };
+            let one_by_one = |(member, mut own): (&Member, Trajectory)| {
+                let (inputs, span, initial) = (member.inputs, member.span, member.initial);
+                let rolled = match derivatives {
+                    true => one.roll_with_sensitivities(theta, inputs, span, initial, &mut own),
+                    false => one.roll(theta, inputs, span, initial, &mut own),
+                };
+                rolled.is_ok().then_some(own)
+            };
+            match at_once {
+                Ok(()) => rolled.into_iter().map(Some).collect::<Vec<_>>(),
+                Err(_) => members.iter().zip(rolled).map(one_by_one).collect(),
+            }
+        })
+        .flatten_iter()
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use std::path::Path;
+
+    use super::*;
+    use crate::effect::registry;
+    use crate::hybrid::Placed;
+    use crate::model::Model;
+
+    /// The cart-pole with its known friction and one more effect.
+    fn cart_pole_with(kind: &str, target: usize, values: &[f64]) -> Hybrid {
+        let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
+        let mut hybrid = Hybrid::of(&Model::load(&models.join("cartpole/cartpole.toml")).unwrap());
+        let kind = registry::find(kind).unwrap();
+        let smoothing = 0.01;
+        let placed = Placed {
+            kind,
+            target,
+            smoothing,
+        };
+        hybrid.add(placed, values, false);
+        hybrid
+    }
+
+    /// The distance of eight (or fewer) windows of two recordings from the same windows one by one, relative to their size.
+    fn distance(hybrid: &Hybrid, windows: usize) -> f64 {
+        let (theta, free) = (hybrid.theta(), hybrid.free());
+        let drive = |interval: f64| {
+            let t: Vec<f64> = (0..61).map(|k| k as f64 * interval).collect();
+            let u: Vec<f64> = t.iter().map(|t| 2.0 * (9.0 * t).sin()).collect();
+            hybrid.drive(&t, &[u], 4, &theta, &free)
+        };
+        let inputs = [drive(0.02), drive(0.015)];
+        let starts: Vec<Vec<f64>> = (0..windows)
+            .map(|k| {
+                let k = k as f64;
+                let mut start = vec![0.1, 2.5 - 0.3 * k, 0.2 * k - 0.2, 1.5 - 0.4 * k];
+                start.resize(hybrid.nx(), 1e-3 * k);
+                start
+            })
+            .collect();
+        let members: Vec<Member> = starts
+            .iter()
+            .enumerate()
+            .map(|(k, initial)| Member {
+                inputs: &inputs[k % 2],
+                span: (3 * k, 21),
+                initial,
+            })
+            .collect();
+        let mut at_once = vec![Trajectory::default(); windows];
+        let mut without = at_once.clone();
+        let mut eight = EightRoller::new(hybrid, &free);
+        eight
+            .roll_with_sensitivities(&theta, &members, &mut at_once)
+            .unwrap();
+        eight.roll(&theta, &members, &mut without).unwrap();
+        let mut worst = 0.0_f64;
+        let mut compare = |a: &[f64], b: &[f64]| {
+            assert_eq!(a.len(), b.len());
+            let size = a.iter().fold(0.0_f64, |size, a| size.max(a.abs()));
+            for (a, b) in a.iter().zip(b) {
+                worst = worst.max((a - b).abs() / size);
+            }
+        };
+        for ((member, at_once), without) in members.iter().zip(&at_once).zip(&without) {
+            let mut alone = Trajectory::default();
+            Roller::new(hybrid, &free)
+                .roll_with_sensitivities(
+                    &theta,
+                    member.inputs,
+                    member.span,
+                    member.initial,
+                    &mut alone,
+                )
+                .unwrap();
+            compare(&alone.states, &at_once.states);
+            compare(&alone.states, &without.states);
+            compare(&alone.sensitivities, &at_once.sensitivities);
+            assert!(without.sensitivities.is_empty());
+        }
+        worst
+    }
+
+    #[test]
+    fn eight_windows_at_once_are_the_same_windows_one_by_one() {
+        for (kind, target, values) in [
+            ("coulomb_friction", 1, vec![0.01]),
+            ("input_gain_error", 0, vec![0.9]),
+            ("lugre_friction", 1, vec![0.01, 0.02, 0.1, 5.0, 0.01]),
+            ("added_mass", 1, vec![0.05]),
+        ] {
+            let hybrid = cart_pole_with(kind, target, &values);
+            for windows in [8, 3] {
+                let distance = distance(&hybrid, windows);
+                assert!(distance < 1e-9, "{kind}, {windows}: {distance:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn one_of_eight_that_diverges_is_an_error() {
+        let hybrid = cart_pole_with("coulomb_friction", 1, &[0.01]);
+        let theta = hybrid.theta();
+        let t: Vec<f64> = (0..31).map(|k| f64::from(k) * 0.02).collect();
+        let inputs = hybrid.drive(&t, &[vec![0.0; 31]], 4, &theta, &[]);
+        let (calm, wild) = ([0.1, 2.5, 0.0, 1.0], [0.1, 2.5, 0.0, 1e13]);
+        let member = |initial| Member {
+            inputs: &inputs,
+            span: (0, 31),
+            initial,
+        };
+        let mut members = [member(&calm[..]); 8];
+        let mut out = vec![Trajectory::default(); 8];
+        let mut eight = EightRoller::new(&hybrid, &[]);
+        eight.roll(&theta, &members, &mut out).unwrap();
+        members[5] = member(&wild[..]);
+        assert!(eight.roll(&theta, &members, &mut out).is_err());
+    }
+}
