@@ -1,0 +1,159 @@
+//! Candidates a small step into the model, and what that changes of its roll-outs.
+
+use crate::diagnose::candidate::Candidate;
+use crate::diagnose::study::{Fitted, Study};
+use crate::effect::Action;
+use crate::hybrid::{DrivenInputs, HiddenPath, Hybrid, Placed, Reading};
+use crate::shooting::{Member, ObservedRun, Trajectory, Window, roll_all};
+
+#[derive(Debug, Clone)]
+pub(super) struct Column {
+    pub(super) candidate: Candidate,
+    pub(super) neutral: Vec<f64>,
+    pub(super) perturbed: Vec<f64>,
+}
+
+impl Column {
+    /// The parameters a step of `factor` probes away, within their bounds; `None` when the bounds allow no step that way. Laws with a memory
+    /// are far from linear in theirs: the probe itself is the start, unless the data ask for its opposite.
+    pub(super) fn start(&self, factor: f64) -> Option<Vec<f64>> {
+        if self.candidate.kind.states() > 0 {
+            return (factor > 0.0).then(|| self.perturbed.clone());
+        }
+        let specs = self.candidate.kind.parameters;
+        let start: Vec<f64> = specs
+            .iter()
+            .zip(self.neutral.iter().zip(&self.perturbed))
+            .map(|(spec, (n, p))| match n == p {
+                true => *n,
+                false => (n + factor * (p - n)).clamp(spec.lower, spec.upper),
+            })
+            .collect();
+        let moved = start.iter().zip(&self.neutral).any(|(a, b)| a != b);
+        let mut entries = start.iter().zip(specs);
+        let is_there = entries.all(|(x, spec)| x.is_finite() || *x == spec.neutral);
+        (moved && is_there).then_some(start)
+    }
+}
+
+/// What a probe changes.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Change {
+    /// Only what is read of the fitted model's states.
+    Reading,
+    /// Forces along them: to first order about the fitted model's roll-out. Where one on a joint is all there is, its effect.
+    Forces(Option<usize>),
+    /// The states themselves, or the mechanics: it is rolled out.
+    Motion,
+}
+
+/// A candidate a probe's step into the model.
+pub(super) struct Probed {
+    pub(super) hybrid: Hybrid,
+    pub(super) theta: Vec<f64>,
+    /// The inputs after its drives; none where they are those of the fitted model.
+    pub(super) inputs: Option<Vec<DrivenInputs>>,
+    pub(super) readings: Vec<Reading>,
+    /// Where the recordings take its hidden states.
+    pub(super) paths: Vec<HiddenPath>,
+    pub(super) change: Change,
+    /// The states of the fitted model that it has too, by their place in h.
+    pub(super) kept: Vec<Option<usize>>,
+}
+
+impl Probed {
+    /// `None` where the samples do not follow it.
+    pub(super) fn new(study: &Study, fitted: &Fitted, column: &Column) -> Option<Self> {
+        let (hybrid, theta) =
+            column
+                .candidate
+                .place(&fitted.hybrid, &fitted.inside.theta, &column.perturbed);
+        if !study.resolves(&hybrid, &theta) {
+            return None;
+        }
+        let substeps = study.substeps_for(&hybrid, &theta);
+        let kind = column.candidate.kind;
+        let same_states = kind.states() == 0
+            && kind.inertial().is_none()
+            && hybrid.nh() == fitted.hybrid.nh()
+            && substeps == fitted.substeps;
+        let beside = column.candidate.replaces(&fitted.hybrid).is_none();
+        let change = match kind.action {
+            Action::Sensor(_) if same_states && beside => Change::Reading,
+            Action::Joint(_) if same_states && beside => {
+                Change::Forces(hybrid.effects().len().checked_sub(1))
+            }
+            _ if same_states => Change::Forces(None),
+            _ => Change::Motion,
+        };
+        let same_inputs = substeps == fitted.substeps && !matches!(kind.action, Action::Drive(_));
+        let drive = |run: &ObservedRun| hybrid.drive(&run.t, &run.u, substeps, &theta, &[]);
+        let runs = &study.observations.runs;
+        Some(Probed {
+            inputs: (!same_inputs).then(|| runs.iter().map(drive).collect()),
+            readings: hybrid.readings(&theta, &[]),
+            paths: study.hidden_paths(&hybrid, &theta, substeps),
+            change,
+            kept: kept_states(&hybrid, &fitted.hybrid),
+            hybrid,
+            theta,
+        })
+    }
+
+    /// The inputs, where `fitted` are those of the fitted model.
+    pub(super) fn inputs<'a>(&'a self, fitted: &'a [DrivenInputs]) -> &'a [DrivenInputs] {
+        self.inputs.as_deref().unwrap_or(fitted)
+    }
+
+    /// Where it is rolled out, its states at the samples of each window that starts at the fitted model's `states`.
+    pub(super) fn moved(
+        &self,
+        windows: &[Window],
+        states: &[Vec<f64>],
+        fitted: &[DrivenInputs],
+    ) -> Vec<Option<Trajectory>> {
+        if self.change != Change::Motion {
+            return Vec::new();
+        }
+        let inputs = self.inputs(fitted);
+        let starts: Vec<Vec<f64>> = windows
+            .iter()
+            .zip(states)
+            .map(|(window, state)| self.start(window, state))
+            .collect();
+        let members: Vec<Member> = windows
+            .iter()
+            .zip(&starts)
+            .map(|(window, initial)| Member {
+                inputs: &inputs[window.run],
+                span: (window.first, window.count),
+                initial,
+            })
+            .collect();
+        roll_all((&self.hybrid, &self.theta, &[]), &members, false)
+    }
+
+    /// The initial state (q, v, h) of a window that starts at `state` in the fitted model.
+    pub(super) fn start(&self, window: &Window, state: &[f64]) -> Vec<f64> {
+        let visible = self.hybrid.nx() - self.hybrid.nh();
+        let mut start = state[..visible].to_vec();
+        let found = self.kept.iter().enumerate();
+        start.extend(found.map(|(k, kept)| match kept {
+            Some(old) => state[visible + old],
+            None => self.paths[window.run].at(window.first)[k],
+        }));
+        start
+    }
+}
+
+/// For each of h of `new` its place in h of `old`.
+pub(super) fn kept_states(new: &Hybrid, old: &Hybrid) -> Vec<Option<usize>> {
+    let mut kept = Vec::with_capacity(new.nh());
+    for (index, effect) in new.effects().iter().enumerate() {
+        let same = |e: &Placed| e.kind == effect.kind && e.target == effect.target;
+        let place = old.effects().iter().position(same);
+        let first = place.map(|k| old.state_range(k).start);
+        kept.extend((0..new.state_range(index).len()).map(|k| first.map(|first| first + k)));
+    }
+    kept
+}
