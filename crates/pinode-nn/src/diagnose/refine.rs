@@ -61,7 +61,9 @@ pub fn refine_one(study: &Study, current: &Fitted, screened: &Screened) -> Conte
     let candidate = screened.candidate;
     let mut theta = current.inside.theta.clone();
     let mut starts = screened.starts.as_slice();
-    if let (true, Some(step)) = (is_imitated(screened), &screened.relieving) {
+    if let Some(step) = &screened.relieving
+        && (is_imitated(screened) || starts.is_empty())
+    {
         for (&i, shift) in current.inside.free.iter().zip(&step.shift) {
             let constant = &current.hybrid.constants()[i];
             theta[i] = (theta[i] + shift).clamp(constant.lower, constant.upper);
@@ -115,6 +117,7 @@ pub fn refine(study: &Study, current: &Fitted, members: &[(Candidate, Vec<f64>)]
     contender(study, added, fitted, current)
 }
 
+/// What a model fitted with `added` is worth beside `current`.
 pub fn contender(
     study: &Study,
     added: Vec<Candidate>,
@@ -138,7 +141,7 @@ pub fn contender(
     }
 }
 
-/// Whether a fitted effect is what it is called: a stop turns the motion round at once. The stiffness k of a blow of the mass m lasts
+/// Whether a fitted effect is what it is called: a stop turns the motion round at once. A blow of the mass m on the stiffness k lasts
 /// π √(m/k).
 fn is_sensible(study: &Study, candidate: &Candidate, fitted: &Fitted) -> bool {
     let Some(stop) = candidate.kind.stop() else {

@@ -112,7 +112,8 @@ pub enum Misplaced {
 }
 
 impl Inertial {
-    /// Whether it can sit on `target`, a coordinate (of an input, its own) or a link of the mechanism with the constants `p`, whose bodies are `tree`.
+    /// Whether it can sit on `target`, a coordinate (of an input, its own) or a link of the mechanism with the constants `p`, whose bodies
+    /// are `tree`.
     ///
     /// # Errors
     /// [`Misplaced`].

@@ -230,6 +230,11 @@ impl ParameterSpec {
         }
     }
 
+    /// The physical value next to `x`.
+    pub fn within(&self, x: f64) -> f64 {
+        x.clamp(self.lower, self.upper)
+    }
+
     /// The same, but fits leave it alone.
     #[must_use]
     pub const fn held(self) -> Self {

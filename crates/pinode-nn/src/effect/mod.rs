@@ -9,7 +9,7 @@
 //! the hard one that it is the compliance of, [`RigidStop`].
 //! A [`MemoryForce`] has states of its own; on a joint it acts beside all else, as a transmission it stands between an input and its
 //! joint. A [`DriveLaw`] changes an input on its way: a causal pass over the whole input signal. A [`Distortion`] is a sensor's.
-//! An [`Inertial`] one changes M, C and G.
+//! An [`Inertial`] one changes M, C and G; so does a transmission whose motor the mechanism has in its masses.
 
 mod distortion;
 mod drive;

@@ -122,9 +122,7 @@ impl Hybrid {
                 }
             } else if effect.kind.memory().is_some() {
                 for lane in 0..LANES {
-                    for (to, from) in state.iter_mut().zip(x) {
-                        *to = from[lane];
-                    }
+                    take(state, x, lane);
                     let (inputs, step) = (at.inputs[lane], at.steps[lane]);
                     self.drive_directly(inputs, step, &mut one.driven);
                     let at = (self.parts(state), theta, inputs, step);
@@ -194,18 +192,13 @@ impl Hybrid {
             one, state, rates, ..
         } = memory;
         for lane in 0..LANES {
-            for (to, from) in state.iter_mut().zip(x) {
-                *to = from[lane];
-            }
+            take(state, x, lane);
             let (inputs, step) = (at.inputs[lane], at.steps[lane]);
             match self.extra {
                 Some(_) => self.acceleration(self.parts(state), theta, inputs, step, one)?,
                 None => self.load(self.parts(state), theta, inputs, step, one),
             }
-            let found = one.acceleration.iter().chain(one.rates.iter());
-            for (to, from) in rates.iter_mut().zip(found) {
-                to[lane] = *from;
-            }
+            put(rates, one.acceleration.iter().chain(one.rates.iter()), lane);
         }
         if self.extra.is_some() {
             return Ok(());
@@ -235,20 +228,27 @@ impl Hybrid {
             ..
         } = memory;
         for lane in 0..LANES {
-            for (to, from) in state.iter_mut().zip(x) {
-                *to = from[lane];
-            }
+            take(state, x, lane);
             let (inputs, step) = (at.inputs[lane], at.steps[lane]);
             self.linearize(self.parts(state), theta, free, inputs, step, one)?;
-            let found = one.acceleration.iter().chain(one.rates.iter());
-            for (to, from) in rates.iter_mut().zip(found) {
-                to[lane] = *from;
-            }
-            for (to, from) in linear.iter_mut().zip(one.linear.iter()) {
-                to[lane] = *from;
-            }
+            put(rates, one.acceleration.iter().chain(one.rates.iter()), lane);
+            put(linear, one.linear.iter(), lane);
         }
         Ok(())
+    }
+}
+
+/// One of eight states.
+fn take(state: &mut [f64], x: &[Lane], lane: usize) {
+    for (to, from) in state.iter_mut().zip(x) {
+        *to = from[lane];
+    }
+}
+
+/// What was found at one of eight states.
+fn put<'a>(to: &mut [Lane], found: impl Iterator<Item = &'a f64>, lane: usize) {
+    for (to, from) in to.iter_mut().zip(found) {
+        to[lane] = *from;
     }
 }
 

@@ -162,7 +162,7 @@ fn read_one(
         };
         if table.get(spec.name).is_none() {
             if let Some(default) = spec.default {
-                values.push(default.value(inertia()));
+                values.push(spec.within(default.value(inertia())));
                 continue;
             }
             faults.at(

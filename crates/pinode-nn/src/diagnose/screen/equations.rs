@@ -39,10 +39,17 @@ pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) ->
             let contained = candidate.contained(hybrid, &fit.theta);
             (candidate.kind.probes)(&candidate.scales(hybrid, &study.scales), &contained)
                 .into_iter()
-                .map(move |probe| Column {
-                    candidate,
-                    neutral: probe.neutral,
-                    perturbed: probe.perturbed,
+                .map(move |probe| {
+                    let specs = candidate.kind.parameters.iter();
+                    Column {
+                        candidate,
+                        neutral: probe.neutral,
+                        // What goes with the inertia may be more than a model file can hold.
+                        perturbed: specs
+                            .zip(probe.perturbed)
+                            .map(|(s, x)| s.within(x))
+                            .collect(),
+                    }
                 })
         })
         .collect();

@@ -22,7 +22,8 @@ use probed::Column;
 pub struct Screened {
     /// The candidate.
     pub candidate: Candidate,
-    /// Parameters to start a fit from: the best probe's step; of a law with a memory every probe that explains anything, the best first.
+    /// Parameters to start a fit from: the best probe's step; of a law with a memory every probe that the data ask for, the best
+    /// first. None where the bounds allow no step; then there is a relieving one.
     pub starts: Vec<Vec<f64>>,
     /// Gain in log-likelihood that the linearisation promises, nats.
     pub gain: f64,

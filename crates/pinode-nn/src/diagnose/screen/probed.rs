@@ -6,6 +6,7 @@ use crate::effect::Action;
 use crate::hybrid::{DrivenInputs, HiddenPath, Hybrid, Placed, Reading};
 use crate::shooting::{Member, ObservedRun, Trajectory, Window, roll_all};
 
+/// A probe of a candidate: one column of the equations.
 #[derive(Debug, Clone)]
 pub(super) struct Column {
     pub(super) candidate: Candidate,
@@ -55,10 +56,10 @@ pub(super) struct Probed {
     pub(super) inputs: Option<Vec<DrivenInputs>>,
     pub(super) readings: Vec<Reading>,
     /// Where the recordings take its hidden states.
-    pub(super) paths: Vec<HiddenPath>,
+    paths: Vec<HiddenPath>,
     pub(super) change: Change,
     /// The states of the fitted model that it has too, by their place in h.
-    pub(super) kept: Vec<Option<usize>>,
+    kept: Vec<Option<usize>>,
 }
 
 impl Probed {
@@ -101,7 +102,7 @@ impl Probed {
     }
 
     /// The inputs, where `fitted` are those of the fitted model.
-    pub(super) fn inputs<'a>(&'a self, fitted: &'a [DrivenInputs]) -> &'a [DrivenInputs] {
+    fn inputs<'a>(&'a self, fitted: &'a [DrivenInputs]) -> &'a [DrivenInputs] {
         self.inputs.as_deref().unwrap_or(fitted)
     }
 
@@ -134,7 +135,7 @@ impl Probed {
     }
 
     /// The initial state (q, v, h) of a window that starts at `state` in the fitted model.
-    pub(super) fn start(&self, window: &Window, state: &[f64]) -> Vec<f64> {
+    fn start(&self, window: &Window, state: &[f64]) -> Vec<f64> {
         let visible = self.hybrid.nx() - self.hybrid.nh();
         let mut start = state[..visible].to_vec();
         let found = self.kept.iter().enumerate();
@@ -147,7 +148,7 @@ impl Probed {
 }
 
 /// For each of h of `new` its place in h of `old`.
-pub(super) fn kept_states(new: &Hybrid, old: &Hybrid) -> Vec<Option<usize>> {
+fn kept_states(new: &Hybrid, old: &Hybrid) -> Vec<Option<usize>> {
     let mut kept = Vec::with_capacity(new.nh());
     for (index, effect) in new.effects().iter().enumerate() {
         let same = |e: &Placed| e.kind == effect.kind && e.target == effect.target;
