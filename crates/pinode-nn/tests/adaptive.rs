@@ -340,6 +340,35 @@ fn no_step_straddles_a_jump_of_the_input_however_late_it_comes() {
     }
 }
 
+/// ẍ = sin ωt from rest: ẋ = (1 − cos ωt)/ω, x = t/ω − sin ωt/ω². Held inputs come half a sample late.
+#[test]
+fn an_input_that_is_smooth_between_its_samples_moves_a_mass_as_the_wave_that_was_sampled() {
+    let omega = std::f64::consts::TAU / 0.9;
+    let t = samples(90, 0.1);
+    let u = vec![t.iter().map(|t| (omega * t).sin()).collect()];
+    let off = |states: &[Vec<f64>]| {
+        let away = states.iter().zip(&t).map(|(x, t)| {
+            let (sine, cosine) = (omega * t).sin_cos();
+            let position = (t - sine / omega) / omega;
+            let velocity = (1.0 - cosine) / omega;
+            (x[0] - position).abs().max((x[1] - velocity).abs())
+        });
+        away.fold(0.0, f64::max)
+    };
+    let by = |between: &str| {
+        let model = written(&format!(
+            "name = 'block'\nlagrangian = {{ coordinates = ['x'], kinetic = '0.5*x_dot^2', potential = '0' }}\n\
+             [[input]]\nname = 'push'\njoint = 'x'\nbetween_samples = '{between}'\n"
+        ));
+        let fixed = simulate(&model, "0", &t, &u, &[0.0, 0.0], 1e-3).unwrap();
+        let adaptive = rolled((Method::Automatic, 1e-6), &model, &t, &u, &[0.0, 0.0]);
+        [off(&fixed), off(&adaptive.states)]
+    };
+    let (smooth, held) = (by("smooth"), by("held"));
+    assert!(smooth.iter().all(|off| *off < 3e-3), "{smooth:?}");
+    assert!(held.iter().all(|off| *off > 3e-2), "{held:?}");
+}
+
 #[test]
 fn samples_of_a_constant_input_may_be_anywhere() {
     let (stiff, cart) = (written(STIFF), model("cartpole/cartpole.toml"));

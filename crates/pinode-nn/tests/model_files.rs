@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use pinode_nn::Error;
-use pinode_nn::effect::registry;
+use pinode_nn::effect::{Between, registry};
 use pinode_nn::model::{EffectEntry, Model, Revision, Target, Velocity};
 
 fn models() -> PathBuf {
@@ -151,6 +151,21 @@ fn a_revised_model_reads_back_as_written_with_its_comments() {
         again.write_revision(&out, "model.toml", &fewer),
         Err(Error::OverwritesInput { .. })
     ));
+}
+
+#[test]
+fn what_an_input_does_between_samples_is_held_unless_the_file_says_smooth() {
+    let between = |path: &str| load(path).inputs[0].between;
+    assert_eq!(between("cartpole/cartpole.toml"), Between::Held);
+    assert_eq!(between("silverbox/silverbox.toml"), Between::Smooth);
+
+    let text = std::fs::read_to_string(models().join("silverbox/silverbox.toml")).unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("model.toml");
+    std::fs::write(&path, text.replace("\"smooth\"", "\"linear\"")).unwrap();
+    let refused = Model::load(&path).err().unwrap().to_string();
+    let cure = "`between_samples` is `linear`: it must be \"held\" or \"smooth\"";
+    assert!(refused.contains(cure), "{refused}");
 }
 
 #[test]

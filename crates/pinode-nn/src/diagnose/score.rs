@@ -73,7 +73,8 @@ pub fn paired(new: &[f64], old: &[f64]) -> Paired {
     let gain: f64 = differences.iter().sum();
     let mean = gain / n;
     let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    let error = (variance / n).sqrt();
+    // The same loss in every window, as of a model that diverges everywhere, has no variance: it is no tie.
+    let error = (variance / n).sqrt().max(1e-9 * mean.abs());
     Paired {
         z: if error > 0.0 { mean / error } else { 0.0 },
         gain,
@@ -102,5 +103,6 @@ mod tests {
         rival[3] = f64::NEG_INFINITY;
         let result = paired(&rival, &old);
         assert!(result.gain < 0.5 && result.z.is_finite());
+        assert!(paired(&[f64::NEG_INFINITY; 10], &old).z < -1e3);
     }
 }

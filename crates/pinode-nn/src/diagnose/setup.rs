@@ -8,9 +8,9 @@ use super::smooth::{Smoothed, smooth};
 use super::study::{Fitted, MOST_SUBSTEPS, Start, Study};
 use super::verdict::Excitation;
 use crate::Error;
-use crate::effect::Scales;
+use crate::effect::{Between, Scales};
 use crate::hybrid::Hybrid;
-use crate::model::Model;
+use crate::model::{Input, Model};
 use crate::shooting::{Observations, Roller, Trajectory, Window, Windows};
 
 /// Length of a window, s, unless the motion is fast: then five of its periods.
@@ -57,9 +57,13 @@ pub fn prepare(
         .fold(0.0, f64::max);
     let window = WINDOW_S.min(5.0 / frequency);
     let half_width = 0.06_f64.min(0.15 / frequency);
-    // Samples much closer than the motion needs cost time and say little more: their errors are the model's, not the sensor's.
-    let observations =
-        observations.thinned(COARSEST_STEP.min(1.0 / (SAMPLES_PER_PERIOD * frequency)));
+    // Samples much closer than the motion needs cost time and say little more: their errors are the model's, not the sensor's. Means of
+    // an input that is smooth between its samples are no samples of it.
+    let passes = |input: &Input| input.between == Between::Smooth;
+    let observations = match model.inputs.iter().any(passes) {
+        true => observations,
+        false => observations.thinned(COARSEST_STEP.min(1.0 / (SAMPLES_PER_PERIOD * frequency))),
+    };
     let windows = Windows::cut(&observations, fit_runs, window);
     let taken = |windows, most| spread_over(masked.leave(windows, &observations), most);
     let windows = Windows {

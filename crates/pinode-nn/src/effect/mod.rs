@@ -11,6 +11,7 @@
 //! joint. A [`DriveLaw`] changes an input on its way: a causal pass over the whole input signal. A [`Distortion`] is a sensor's.
 //! An [`Inertial`] one changes M, C and G; so does a transmission whose motor the mechanism has in its masses.
 
+mod between;
 mod distortion;
 mod drive;
 mod inertial;
@@ -51,6 +52,7 @@ mod sensor_scale;
 mod stribeck_friction;
 mod viscous_friction;
 
+pub use between::Between;
 pub use distortion::Distortion;
 pub use drive::{DriveLaw, Grid, Signal};
 pub use inertial::{Inertial, Misplaced, tilt_direction};

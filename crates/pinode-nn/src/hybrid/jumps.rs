@@ -1,5 +1,5 @@
 use super::{DrivenInputs, Hybrid, Placed};
-use crate::effect::{Action, Grid, Signal};
+use crate::effect::{Action, Between, Grid, Signal};
 
 /// Instants closer than this part of the largest time are one.
 const SAME: f64 = 1e-12;
@@ -15,7 +15,7 @@ pub struct HeldInputs {
     pub held: Vec<usize>,
 }
 
-/// Behind a lag inputs are held for no longer than this, s.
+/// Behind a lag and between smooth samples inputs are held for no longer than this, s.
 const PIECE: f64 = 1e-3;
 /// At most so many pieces of a sample interval.
 const MOST_PIECES: usize = 1000;
@@ -23,7 +23,8 @@ const MOST_PIECES: usize = 1000;
 impl Hybrid {
     /// The inputs of a recording sampled at `t` with values `u` (one column an input, one value a sample, held until the next), as forces
     /// between the instants at which they jump: the samples, and T s after them for an input that comes T s late. Before the recording
-    /// starts an input is taken as its first value. Behind a lag an input is never constant: it is taken as its mean over every millisecond.
+    /// starts an input is taken as its first value. Behind a lag, or smooth between its samples, an input is never constant: it is taken
+    /// as its mean over every millisecond.
     ///
     /// ```
     /// use pinode_nn::effect::{Action, registry};
@@ -60,21 +61,23 @@ impl Hybrid {
             Action::Drive(law) => law.remembers(),
             _ => false,
         };
-        if !self.effects.iter().any(remembers) {
+        let smooth = self.between.contains(&Between::Smooth);
+        if !smooth && !self.effects.iter().any(remembers) {
             return self.hold_between(t, u, theta);
         }
         let longest = t.windows(2).map(|p| p[1] - p[0]).fold(0.0, f64::max);
         let pieces = ((longest / PIECE).ceil() as usize).clamp(1, MOST_PIECES);
-        let fine = Grid::new(t, pieces).bounds;
+        let fine = Grid::new(t, pieces);
         let u: Vec<Vec<f64>> = u
             .iter()
-            .map(|u| {
-                let steps = 0..fine.len();
-                let repeated = steps.map(|k| u.get(k / pieces).copied().unwrap_or(f64::NAN));
-                repeated.collect()
+            .zip(&self.between)
+            .map(|(u, between)| {
+                let mut means = between.over_steps(&fine, u);
+                means.extend(u.last());
+                means
             })
             .collect();
-        let held = self.hold_between(&fine, &u, theta);
+        let held = self.hold_between(&fine.bounds, &u, theta);
         HeldInputs {
             samples: held.samples.iter().copied().step_by(pieces).collect(),
             ..held

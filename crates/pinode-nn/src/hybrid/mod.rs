@@ -25,7 +25,7 @@ use integrators::{Flat, PhaseSpace, Product, Space};
 use lagrange::mechanism::Link;
 use lagrange::{Mechanics, Role};
 
-use crate::effect::{Action, ActsOn, Grid, Inertial, Kind, Signal, default_smoothing};
+use crate::effect::{Action, ActsOn, Between, Grid, Inertial, Kind, Signal, default_smoothing};
 use crate::entries::{Start, starts};
 use crate::model::{Model, Target};
 use crate::motion::Positions;
@@ -100,6 +100,8 @@ pub struct Hybrid {
     space: Product<PhaseSpace<Positions>, Flat>,
     /// The coordinate each input acts on.
     input_coordinates: Vec<usize>,
+    /// What each input does between two samples of a log.
+    between: Vec<Between>,
     effects: Vec<Placed>,
     /// Where the parameters of each effect lie in θ.
     ranges: Vec<Range<usize>>,
@@ -165,6 +167,7 @@ impl Hybrid {
         }
         let coordinates = model.inputs.iter().map(|input| input.coordinate).collect();
         let mut hybrid = Hybrid::new(mechanics, coordinates, constants);
+        hybrid.between = model.inputs.iter().map(|input| input.between).collect();
         hybrid.variants = model.tree.clone().map(|tree| Arc::new(Variants::new(tree)));
         for entry in &model.effects {
             let target = match entry.target {
@@ -183,7 +186,7 @@ impl Hybrid {
         hybrid
     }
 
-    /// The model of `mechanics` with inputs that act on the given coordinates with the given gains, without effects.
+    /// The model of `mechanics` with inputs that act on the given coordinates with the given gains, held between samples, without effects.
     /// `constants` holds the entries of θ for mechanics, gains and zeros, in this order.
     pub fn new(
         mechanics: Arc<dyn Mechanics>,
@@ -204,6 +207,7 @@ impl Hybrid {
             },
             mechanics,
             carried: vec![false; input_coordinates.len()],
+            between: vec![Between::Held; input_coordinates.len()],
             input_coordinates,
             effects: Vec::new(),
             ranges: Vec::new(),
@@ -496,9 +500,8 @@ impl Hybrid {
             .iter()
             .enumerate()
             .map(|(input, u)| {
-                let value = (0..grid.steps()).map(|step| u[step / substeps]).collect();
                 let mut signal = Signal {
-                    value,
+                    value: self.between[input].over_steps(&grid, u),
                     by_parameter: Vec::new(),
                 };
                 for (effect, range) in self.effects.iter().zip(&self.ranges) {

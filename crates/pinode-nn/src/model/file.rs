@@ -12,6 +12,7 @@ use super::document::{Faults, Section, mismatch};
 use super::mechanism::{self, Mechanism, find_coordinate};
 use super::{Input, Model, effects, massless, sensor, tolerance};
 use crate::Error;
+use crate::effect::Between;
 use crate::log::{ColumnMap, Mapping};
 use crate::naming::{hint, quoted};
 
@@ -182,12 +183,13 @@ fn inputs(
 ) -> Vec<(Input, usize)> {
     let mut inputs: Vec<(Input, usize)> = Vec::new();
     for table in root.sections("input", faults) {
-        table.check_keys(&["name", "joint", "gain"], faults);
+        table.check_keys(&["name", "joint", "gain", "between_samples"], faults);
         let name = table.needed_string("name", faults);
         let coordinate = table
             .needed_string("joint", faults)
             .and_then(|joint| find_coordinate(mechanism?, joint.value, joint.offset(), faults));
         let gain = table.number_that("gain", "different from 0", |x| x != 0.0, faults);
+        let between = between_samples(&table, faults);
         let Some(name) = name else {
             continue;
         };
@@ -212,11 +214,28 @@ fn inputs(
                 name: name.value.to_owned(),
                 coordinate: coordinate.unwrap_or(0),
                 gain: gain.unwrap_or(1.0),
+                between,
             },
             table.offset,
         ));
     }
     inputs
+}
+
+/// What an `[[input]]` does between two samples.
+fn between_samples(table: &Section, faults: &mut Faults) -> Between {
+    let Some(word) = table.string("between_samples", faults) else {
+        return Between::default();
+    };
+    let known = Between::ALL.into_iter().find(|b| b.name() == word.value);
+    known.unwrap_or_else(|| {
+        let fault = format!(
+            "`between_samples` is {}: it must be \"held\" or \"smooth\"",
+            quoted(word.value)
+        );
+        faults.at(word.offset(), fault);
+        Between::default()
+    })
 }
 
 /// The `[log.columns]` table.

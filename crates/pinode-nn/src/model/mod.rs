@@ -18,6 +18,7 @@
 //! name  = "motor"
 //! joint = "phi"
 //! gain  = 0.1                          # N·m per unit of u
+//! # between_samples = "held"           # until the next sample, as it was put out; or "smooth", as it was measured
 //!
 //! [[effect]]
 //! kind  = "viscous_friction"
@@ -88,7 +89,7 @@ pub use tolerance::Tolerance;
 pub use write::Revision;
 
 use crate::Error;
-use crate::effect::Kind;
+use crate::effect::{Between, Kind};
 use crate::log::ColumnMap;
 
 /// A model: M(q) v̇ + C(q, v) v + G(q) = Σ gain · u + Σ effects, and what is known of sensors and tolerances.
@@ -131,6 +132,8 @@ pub struct Input {
     pub coordinate: usize,
     /// N or N·m per unit of u.
     pub gain: f64,
+    /// What it does between two samples of a log.
+    pub between: Between,
 }
 
 /// One effect with its numbers.
