@@ -1,7 +1,7 @@
 //! Free runs: the model rolled out from an initial state under recorded inputs, without being corrected by measurements.
 //!
-//! Classical Runge-Kutta unless another method is asked for, the input held over each sample interval, the effects of the drive
-//! applied to it.
+//! Classical Runge-Kutta unless another method is asked for, the input held over each sample interval, or smooth where
+//! the model says so, the effects of the drive applied to it.
 
 use integrators::event::ContactError;
 use integrators::{Heun, Method, Order, Rk4, System, Variational};

@@ -44,7 +44,8 @@ pub struct Run {
     pub q: Vec<Vec<f64>>,
     /// Measured velocities, one column per coordinate, m/s or rad/s; `None` where the log has none or the model says to use none.
     pub v: Vec<Option<Vec<f64>>>,
-    /// Inputs, one column per input, in the input's own unit; entry k is held over [t_k, t_{k+1}).
+    /// Inputs, one column per input, in the input's own unit; entry k is held over [t_k, t_{k+1}), unless the model says otherwise:
+    /// [`Between`](crate::effect::Between).
     pub u: Vec<Vec<f64>>,
 }
 
