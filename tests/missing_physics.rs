@@ -7,8 +7,9 @@ use std::path::Path;
 
 use cartpole::config::Config;
 use cartpole::rig::{self, Hidden, Target};
-use pinode_nn::diagnose::diagnose;
+use pinode_nn::diagnose::diagnose_without;
 use pinode_nn::diagnose::verdict::{Diagnosis, Verdict};
+use pinode_nn::effect::registry::find;
 use pinode_nn::log::Log;
 use pinode_nn::model::Model;
 
@@ -21,6 +22,11 @@ fn models() -> &'static Path {
 
 /// Records a log of `seconds` with the hidden effect and diagnoses it.
 fn diagnosed(hidden: &Hidden, seed: u64, seconds: f64) -> Diagnosis {
+    diagnosed_without(hidden, seed, seconds, &[])
+}
+
+/// The same by a library that lacks the kinds `without`.
+fn diagnosed_without(hidden: &Hidden, seed: u64, seconds: f64, without: &[&str]) -> Diagnosis {
     let dir = tempfile::tempdir().unwrap();
     let config = Config {
         duration: seconds,
@@ -35,7 +41,8 @@ fn diagnosed(hidden: &Hidden, seed: u64, seconds: f64) -> Diagnosis {
     let model = Model::load(&user).unwrap();
     let log = Log::read(&log, &model).unwrap();
     let out = dir.path().join("out");
-    let outcome = diagnose(&model, &[log], &[], &out, 0, &|_| {}).unwrap();
+    let without: Vec<_> = without.iter().map(|kind| find(kind).unwrap()).collect();
+    let outcome = diagnose_without(&model, &[log], &[], &out, 0, &without, &|_| {}).unwrap();
     // The new model is one that every command loads, with the effects that the diagnosis names.
     let written = Model::load(&outcome.model).unwrap();
     for effect in &outcome.diagnosis.effects {
@@ -71,6 +78,7 @@ fn is_found(case: usize, seed: u64) {
             assert!(error < 0.25, "{name}: {} for {truth}", found.value);
         }
     }
+    assert!(diagnosis.unexplained.is_none(), "{hidden:?}");
     let gap = &diagnosis.gap;
     assert!(
         gap.after < 0.5 * gap.before && gap.after < 10.0,
@@ -155,11 +163,41 @@ fn play_of_the_drive_is_found() {
     assert!(diagnosis.gap.after < 0.8 * diagnosis.gap.before);
 }
 
+/// The force of the motor that does not arrive is a function of the input, that of a motor that is late one of what the input was.
+#[test]
+fn a_law_that_the_library_lacks_is_missed_and_what_it_follows_is_told() {
+    let target = Target::Motor;
+    let (width, time_constant) = (0.2, 0.04);
+    for (hidden, follows) in [
+        (
+            Hidden::InputDeadZone { target, width },
+            "the input on `slider`",
+        ),
+        (
+            Hidden::ActuatorLag {
+                target,
+                time_constant,
+            },
+            "what the input on `slider` was before",
+        ),
+    ] {
+        let diagnosis = diagnosed_without(&hidden, 6, 40.0, &[hidden.kind()]);
+        let left = diagnosis.unexplained.unwrap();
+        assert_eq!(left.follows.as_deref(), Some(follows), "{hidden:?}");
+        assert_eq!(left.coordinate, "slider");
+        // Whatever stands in for it is not believed.
+        for named in &diagnosis.effects {
+            assert!(named.confidence < 0.9, "{hidden:?}: {named:?}");
+        }
+    }
+}
+
 #[test]
 fn nothing_is_found_where_nothing_is_hidden() {
     for seed in 1..5 {
         let diagnosis = diagnosed(&Hidden::Nothing, seed, 40.0);
         assert_eq!(diagnosis.verdict, Verdict::NothingMissing, "seed {seed}");
         assert!(diagnosis.effects.is_empty());
+        assert!(diagnosis.unexplained.is_none(), "seed {seed}");
     }
 }

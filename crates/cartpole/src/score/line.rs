@@ -29,6 +29,9 @@ pub struct Line {
     pub size: f64,
     /// `effects_found`, `nothing_missing`, `unexplained`, `data_fault`; `error` when the diagnosis failed.
     pub verdict: String,
+    /// Whether something is said to be left that no effect of the library explains.
+    #[serde(default)]
+    pub unexplained: bool,
     /// What was named, in its order.
     pub named: Vec<Named>,
     /// Kinds of the faults that were found in the data.

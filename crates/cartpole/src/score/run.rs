@@ -104,6 +104,7 @@ pub fn run(case: &Case, models: &Path, dir: &Path, alone: bool) -> Result<Line, 
         hidden: prepared.hidden.clone(),
         size: prepared.size,
         verdict: "error".into(),
+        unexplained: false,
         named: Vec::new(),
         data_faults: Vec::new(),
         gap: None,
@@ -122,6 +123,7 @@ pub fn run(case: &Case, models: &Path, dir: &Path, alone: bool) -> Result<Line, 
                 .ok()
                 .and_then(|v| v.as_str().map(str::to_owned))
                 .unwrap_or_default();
+            line.unexplained = said.unexplained.is_some();
             line.named = said.effects.iter().map(named).collect();
             line.data_faults = said.data_faults.iter().map(|f| f.kind.clone()).collect();
             line.gap = Some([said.gap.before, said.gap.after]);

@@ -64,7 +64,7 @@ fn count(lines: &[&Line], holds: impl Fn(&Line) -> bool) -> usize {
 fn rates(lines: &[Line]) -> String {
     let mut text = String::from(
         "## Rates\n\n\
-         | rig | set | noise | logs | first name right | exact set | named nothing | names where nothing is hidden | wrong with > 0.9 | unexplained | s a log: median, p90 | MB |\n\
+         | rig | set | noise | logs | first name right | exact set | named nothing | names where nothing is hidden | wrong with > 0.9 | something left unexplained | s a log: median, p90 | MB |\n\
          |---|---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for group in groups(lines).values() {
@@ -94,7 +94,7 @@ fn rates(lines: &[Line]) -> String {
                 empty
             ),
             count(group, Line::is_confidently_wrong),
-            share(count(group, |l| l.verdict == "unexplained"), n),
+            share(count(group, |l| l.unexplained), n),
             quantile(&seconds, 0.5),
             quantile(&seconds, 0.9),
             if most > 0.0 {
@@ -399,6 +399,7 @@ mod tests {
             hidden: vec![truth],
             size: 1.0,
             verdict: "effects_found".into(),
+            unexplained: false,
             named: named
                 .into_iter()
                 .map(|(kind, confidence)| Named {

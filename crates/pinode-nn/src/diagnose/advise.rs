@@ -39,7 +39,16 @@ pub fn advise(
             ));
         }
     }
-    if verdict != Verdict::NothingMissing && is_unexplained(study, &search.model, UNEXPLAINED) {
+    if let Some(left) = &search.left {
+        let coordinates = search.model.hybrid.mechanics().coordinates();
+        let joint = &coordinates[left.coordinate].name;
+        advice.push(format!(
+            "what is left on `{joint}` follows {}: a law is missing that is in no effect of the library.",
+            left.follows.words(joint)
+        ));
+    } else if verdict != Verdict::NothingMissing
+        && is_unexplained(study, &search.model, UNEXPLAINED)
+    {
         let coordinates = search.model.hybrid.mechanics().coordinates();
         let excess: Vec<String> = search
             .model
@@ -53,7 +62,8 @@ pub fn advise(
             })
             .collect();
         advice.push(format!(
-            "what is left is larger than the sensor noise ({}): something is missing that no effect in the library explains.",
+            "what is left is larger than the sensor noise ({}), and no law of what was measured explains it: pushes from outside, or \
+             something that was not measured.",
             excess.join(", ")
         ));
     }

@@ -3,9 +3,10 @@
 use super::candidate::Candidate;
 use super::confidence::DRAWS;
 use super::experiment::CLOSE;
-use super::refine::{Contender, contender, is_imitated, polish, rank, refine_one};
+use super::refine::{Contender, FIRST_LOOK, contender, is_imitated, polish, rank, refine_one};
+use super::remainder::Remainder;
 use super::screen::screen;
-use super::search::{LEAST_T2, Report, Step, explained, is_second_choice, lookalikes, simpler};
+use super::search::{LEAST_T2, Report, Step, is_second_choice, lookalikes, simpler};
 use super::study::{Comparison, Fitted, Study};
 use crate::effect::Kind;
 use crate::hybrid::Hybrid;
@@ -25,6 +26,22 @@ pub struct Found {
     pub rivals: Vec<(Candidate, Fitted)>,
     /// The model with it against the model without.
     pub comparison: Comparison,
+}
+
+impl Found {
+    /// The share of what it explains in that and what is left: a law that is missing may be what it stands in for.
+    pub fn share_beside(&self, left: Option<&Remainder>) -> f64 {
+        let own = self.comparison.total().max(0.0);
+        left.map_or(1.0, |left| own / (own + left.gain))
+    }
+
+    /// Its probabilities, and those of its rivals, are those under a condition that holds with the probability `share`.
+    pub fn believe(&mut self, share: f64) {
+        self.confidence *= share;
+        for (_, confidence) in &mut self.alternatives {
+            *confidence *= share;
+        }
+    }
 }
 
 /// The effect of a model that is `candidate`.
@@ -140,13 +157,6 @@ pub fn revisit(
             current,
         ));
     }
-    let explained = explained(study, null, current);
-    for found in &mut found {
-        found.confidence *= explained;
-        for (_, confidence) in &mut found.alternatives {
-            *confidence *= explained;
-        }
-    }
     found
 }
 
@@ -174,7 +184,7 @@ fn rivals(
         .filter(|s| s.t2 > LEAST_T2.1 && s.candidate != added[k])
         .take(3)
     {
-        rivals.push(refine_one(study, reduced, s));
+        rivals.push(refine_one(study, reduced, s, FIRST_LOOK));
     }
     polish(study, reduced, &mut rivals);
     rivals.extend(lookalikes(study, reduced, &screen, &rivals, &|_| {}));

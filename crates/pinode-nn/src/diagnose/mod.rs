@@ -19,10 +19,12 @@ mod found;
 mod gap;
 mod horizons;
 pub(crate) mod kept;
+mod linear;
 mod locate;
 mod numerics;
 mod refine;
 mod regions;
+mod remainder;
 mod score;
 mod screen;
 mod search;
@@ -213,7 +215,7 @@ pub(crate) fn diagnose_into(
             break (path, written, gap, free_runs);
         }
         report("what was found does not shrink the gap on unseen data: it is not added");
-        search.withdraw();
+        search.withdraw(study);
     };
     let given = &search.null.hybrid;
     let longer = gap::free_runs(
@@ -234,8 +236,9 @@ pub(crate) fn diagnose_into(
     .collect();
     gap.regions = regions::regions(&residuals, &free_runs, &gap.coordinates);
 
-    let something_is_left = search::is_unexplained(study, &search.model, search::UNEXPLAINED);
-    let verdict = if !search.found.is_empty() {
+    let something_is_left =
+        search.left.is_some() || search::is_unexplained(study, &search.model, search::UNEXPLAINED);
+    let verdict = if !search.found.is_empty() && search.explains_most() {
         Verdict::EffectsFound
     } else if something_is_left {
         Verdict::Unexplained
@@ -253,10 +256,16 @@ pub(crate) fn diagnose_into(
             } = &prepared;
             let (_, all) =
                 locate::locate(study, &search.model, smoothed, *half_width, &names, &masked);
-            let left = all.first()?;
-            let mut coordinates = model.mechanics.coordinates().iter();
-            let c = coordinates.position(|c| c.name == left.coordinate)?;
-            unexplained::describe(study, &search.model, left, c, &names)
+            let coordinates = model.mechanics.coordinates();
+            let there = search.left.as_ref();
+            let there = there.map(|left| coordinates[left.coordinate].name.as_str());
+            let named = |left: &&ResidualForce| Some(left.coordinate.as_str()) == there;
+            let force = all.iter().find(named).or(all.first())?;
+            let c = coordinates
+                .iter()
+                .position(|c| c.name == force.coordinate)?;
+            let left = search.left.as_ref().filter(|left| left.coordinate == c);
+            unexplained::describe(study, &search.model, (force, c), left, &names)
         })
         .flatten();
     let splits = experiment::splits(study, &search, &names, report);

@@ -5,13 +5,21 @@ use super::confidence::wins;
 use super::found::position;
 use super::screen::Screened;
 use super::study::{Comparison, Fitted, RELIEF, Study};
+use crate::effect::Family;
 
 /// A candidate with this share of its information spanned by free constants is one that they imitate.
 const IMITATED: f64 = 0.9;
-/// Iterations of the initial states by which the starts of a candidate are compared.
-const OF_STATES: usize = 3;
-/// Iterations of a fit that refines, and so many more where it leads and has not converged.
-const ITERATIONS: (usize, usize) = (12, 24);
+/// Iterations by which the starts of a candidate are compared, of the initial states and of all: of friction with a memory, whose starts
+/// are too small to tell much, and of what stands between motor and joint, whose every iteration is dear.
+const COMPARING: [(usize, usize); 2] = [(1, 4), (3, 0)];
+/// Iterations of a fit that refines: of a first look at what has no memory, and of all else.
+pub const FIRST_LOOK: usize = 5;
+pub const ITERATIONS: usize = 12;
+/// Iterations of a fit that goes on, and how often it does: the leader's, a rival's.
+const FURTHER: usize = 8;
+const ROUNDS: [usize; 2] = [12, 4];
+/// A rival goes on while it makes good this share of what it lacks in a round.
+const CATCHING_UP: f64 = 0.25;
 /// What gives for longer than this, s, is a spring and no stop.
 const LONGEST_BLOW: f64 = 0.15;
 
@@ -56,9 +64,18 @@ pub fn would_relieve(screened: &Screened) -> bool {
 
 /// The screen's candidate as a fit has it. One that stretched constants imitate starts where it takes over from them: along the valley
 /// between the two a fit would creep. Of several starts the one from which the initial states explain most is taken: laws with a memory
-/// are far from linear in their parameters.
-pub fn refine_one(study: &Study, current: &Fitted, screened: &Screened) -> Contender {
+/// are far from linear in their parameters, and get no fewer than [`ITERATIONS`].
+pub fn refine_one(
+    study: &Study,
+    current: &Fitted,
+    screened: &Screened,
+    iterations: usize,
+) -> Contender {
     let candidate = screened.candidate;
+    let iterations = match candidate.kind.states() {
+        0 => iterations,
+        _ => iterations.max(ITERATIONS),
+    };
     let mut theta = current.inside.theta.clone();
     let mut starts = screened.starts.as_slice();
     if let Some(step) = &screened.relieving
@@ -72,15 +89,16 @@ pub fn refine_one(study: &Study, current: &Fitted, screened: &Screened) -> Conte
     }
     let members = |start: &Vec<f64>| [(candidate, start.clone())];
     let refined = match starts {
-        [only] => fit_with(study, current, &theta, &members(only), (1, ITERATIONS.0)),
+        [only] => fit_with(study, current, &theta, &members(only), (1, iterations)),
         several => {
+            let comparing = COMPARING[usize::from(candidate.kind.family != Family::Memory)];
             let tried = several
                 .iter()
-                .map(|start| fit_with(study, current, &theta, &members(start), (OF_STATES, 0)));
+                .map(|start| fit_with(study, current, &theta, &members(start), comparing));
             match tried.max_by(|a, b| a.score(0).total_cmp(&b.score(0))) {
                 Some(best) => {
                     let start = best.start(best.inside.theta.clone());
-                    study.fit(best.hybrid, start, 1, ITERATIONS.0)
+                    study.fit(best.hybrid, start, 1, iterations)
                 }
                 None => current.clone(),
             }
@@ -112,7 +130,7 @@ fn fit_with(
 /// Several candidates at once.
 pub fn refine(study: &Study, current: &Fitted, members: &[(Candidate, Vec<f64>)]) -> Contender {
     let theta = &current.inside.theta;
-    let fitted = fit_with(study, current, theta, members, (1, ITERATIONS.0));
+    let fitted = fit_with(study, current, theta, members, (1, ITERATIONS));
     let added = members.iter().map(|m| m.0).collect();
     contender(study, added, fitted, current)
 }
@@ -156,7 +174,7 @@ fn is_sensible(study: &Study, candidate: &Candidate, fitted: &Fitted) -> bool {
 }
 
 /// Contenders within half of the leader's gain are fitted again from the leader's initial states, so that none loses by a poor start;
-/// and whoever has not converged goes on.
+/// and whoever has not converged goes on, the leader to its end, its rivals while they would catch up with it.
 pub fn polish(study: &Study, current: &Fitted, contenders: &mut [Contender]) {
     let base = current.score(0);
     let Some(leader) = contenders
@@ -170,20 +188,38 @@ pub fn polish(study: &Study, current: &Fitted, contenders: &mut [Contender]) {
         if rival.score - base < 0.5 * (leader.score - base) {
             continue;
         }
-        let fitted = &rival.fitted;
-        let theta = fitted.inside.theta.clone();
-        let again = match (fitted.inside.converged, rival.added == leader.added) {
-            (true, true) => continue,
-            (true, false) => study.fit(fitted.hybrid.clone(), leader.fitted.start(theta), 1, 8),
-            (false, _) => study.fit(fitted.hybrid.clone(), fitted.start(theta), 0, ITERATIONS.1),
-        };
-        let again = contender(study, rival.added.clone(), again, current);
-        if again.score > rival.score {
-            *rival = Contender {
-                imitated: rival.imitated,
-                ..again
-            };
+        let leads = rival.added == leader.added;
+        if rival.fitted.inside.converged && !leads {
+            let fitted = &rival.fitted;
+            let start = leader.fitted.start(fitted.inside.theta.clone());
+            let again = study.fit(fitted.hybrid.clone(), start, 1, FURTHER);
+            replace_if_better(study, current, rival, again);
+            continue;
         }
+        for _ in 0..ROUNDS[usize::from(!leads)] {
+            let (before, fitted) = (rival.score, &rival.fitted);
+            if fitted.inside.converged {
+                break;
+            }
+            let start = fitted.start(fitted.inside.theta.clone());
+            let again = study.fit(fitted.hybrid.clone(), start, 0, FURTHER);
+            replace_if_better(study, current, rival, again);
+            let behind = leader.score - rival.score;
+            if rival.score <= before || (!leads && rival.score - before < CATCHING_UP * behind) {
+                break;
+            }
+        }
+    }
+}
+
+/// Takes a further fit of a contender where it explains more.
+fn replace_if_better(study: &Study, current: &Fitted, rival: &mut Contender, again: Fitted) {
+    let again = contender(study, rival.added.clone(), again, current);
+    if again.score > rival.score {
+        *rival = Contender {
+            imitated: rival.imitated,
+            ..again
+        };
     }
 }
 

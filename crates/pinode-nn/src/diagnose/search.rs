@@ -2,7 +2,10 @@
 
 use super::candidate::Candidate;
 use super::found::{Found, prune, revisit};
-use super::refine::{Contender, polish, rank, refine, refine_one, would_relieve};
+use super::refine::{
+    Contender, FIRST_LOOK, ITERATIONS, polish, rank, refine, refine_one, would_relieve,
+};
+use super::remainder::{Remainder, remainder};
 use super::screen::{self, Screen, Screened, ScreenedPair};
 use super::study::{Comparison, Fitted, RELIEF, Study};
 use crate::effect::{Family, Kind};
@@ -45,6 +48,8 @@ pub struct Search {
     pub found: Vec<Found>,
     /// The model with it.
     pub model: Fitted,
+    /// What that leaves, where it follows from anything.
+    pub left: Option<Remainder>,
 }
 
 /// Residual over sensor noise beyond which a model does not explain the data: on a displacement, on an angle.
@@ -55,12 +60,19 @@ pub type Report<'a> = &'a dyn Fn(&str);
 
 impl Search {
     /// Takes back what was found: the model is the one given.
-    pub fn withdraw(&mut self) {
+    pub fn withdraw(&mut self, study: &Study) {
         self.found.clear();
         self.model = self.null.clone();
+        self.left = remainder(study, &self.model);
         for step in &mut self.steps {
             step.accepted = None;
         }
+    }
+
+    /// Whether what was found explains more than is left and follows from something.
+    pub fn explains_most(&self) -> bool {
+        let gain = Comparison::of(&self.model, &self.null).total();
+        self.left.as_ref().is_none_or(|left| left.gain < gain)
     }
 }
 
@@ -89,7 +101,11 @@ pub fn search(study: &Study, null: Fitted, seed: u64, report: Report) -> Search 
     }
     // What is found first may be a small part of what friction with a memory does.
     let simple = path.added.iter().all(|c| !is_second_choice(c.kind));
-    if !path.added.is_empty() && simple && is_unexplained(study, &path.current, UNEXPLAINED) {
+    if !path.added.is_empty()
+        && simple
+        && is_unexplained(study, &path.current, UNEXPLAINED)
+        && may_be_friction(study, &path.current)
+    {
         let (screened, mut contenders) = second_choices(study, &null, LEAST_T2.0, report);
         rank(&mut contenders, seed);
         if let Some(k) = accept(study, &null, &mut contenders, seed) {
@@ -110,12 +126,19 @@ pub fn search(study: &Study, null: Fitted, seed: u64, report: Report) -> Search 
         mut added,
         steps,
     } = path;
-    let found = revisit(study, &null, &mut current, &mut added, &steps, seed, report);
+    let mut found = revisit(study, &null, &mut current, &mut added, &steps, seed, report);
+    report("asking whether what is left follows from anything");
+    let left = remainder(study, &current);
+    let explained = explained(study, &null, &current);
+    for found in &mut found {
+        found.believe(explained.min(found.share_beside(left.as_ref())));
+    }
     Search {
         null,
         steps,
         found,
         model: current,
+        left,
     }
 }
 
@@ -247,7 +270,7 @@ fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Rep
     let mut contenders: Vec<Contender> = Vec::new();
     for s in &chosen {
         report(&format!("refining {}", s.candidate.kind.name));
-        contenders.push(refine_one(study, current, s));
+        contenders.push(refine_one(study, current, s, FIRST_LOOK));
     }
     polish(study, current, &mut contenders);
     rank(&mut contenders, seed);
@@ -255,7 +278,7 @@ fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Rep
     rank(&mut contenders, seed);
     let mut accepted = accept(study, current, &mut contenders, seed);
     let unexplained = accepted.is_none() && is_unexplained(study, current, (1.25, 2.6));
-    if unexplained {
+    if unexplained && may_be_friction(study, current) {
         let (with_memory, mut second) = second_choices(study, current, least, report);
         screen.ranked.extend(with_memory);
         rank(&mut second, seed);
@@ -287,6 +310,11 @@ fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Rep
     }
 }
 
+/// Whether what a model leaves may be friction.
+fn may_be_friction(study: &Study, fitted: &Fitted) -> bool {
+    remainder(study, fitted).is_none_or(|left| left.may_be_friction())
+}
+
 /// The screen of the kinds of friction with a memory, and the best of them refined.
 fn second_choices(
     study: &Study,
@@ -298,7 +326,7 @@ fn second_choices(
     let promising = with_memory.iter().filter(|s| s.t2 > least);
     let refined = promising.take(SECOND_CHOICES).map(|s| {
         report(&format!("refining {}", s.candidate.kind.name));
-        refine_one(study, current, s)
+        refine_one(study, current, s, ITERATIONS)
     });
     let mut refined: Vec<Contender> = refined.collect();
     polish(study, current, &mut refined);
@@ -322,7 +350,7 @@ pub fn lookalikes(
     new.take(2)
         .map(|s| {
             report(&format!("refining {}", s.candidate.kind.name));
-            refine_one(study, current, s)
+            refine_one(study, current, s, ITERATIONS)
         })
         .collect()
 }

@@ -13,6 +13,10 @@ use crate::shooting::{Fit, FitOptions, HiddenPrior, Observations, Window, Window
 pub const MOST_SUBSTEPS: usize = 64;
 /// Longest integration step for effects with a memory, in units of their fastest rate.
 const RESOLVED: f64 = 1.5;
+/// So many times a fit that has converged goes on along a new path of the hidden states, while that moves a constant by more than
+/// [`STILL`] of what the data would determine it to if all others were known.
+const FURTHER_PATHS: usize = 6;
+const STILL: f64 = 0.1;
 /// Effects with a memory may take so many times the integration steps of the other ones.
 const MOST_REFINED: usize = 8;
 
@@ -224,21 +228,48 @@ impl Study {
             state_iterations,
         };
         let paths = self.hidden_paths(hybrid, &start.theta, substeps);
-        let prior =
-            |theta: &[f64], windows: &[Window]| self.hidden_prior(hybrid, theta, windows, &paths);
-        let known = prior(&start.theta, &self.windows.fit);
-        let inside = fit(
-            hybrid,
-            &self.observations,
-            &self.windows.fit,
-            &free,
-            start.theta,
-            with_hidden(hybrid, &start.hidden, start.inside, &known),
-            start.sigma,
-            &known,
-            &options,
-        );
-        let known = prior(&inside.theta, &self.windows.held_out);
+        let prior = |theta: &[f64], windows: &[Window], paths: &[HiddenPath]| {
+            self.hidden_prior(hybrid, theta, windows, paths)
+        };
+        let known = prior(&start.theta, &self.windows.fit, &paths);
+        let states = with_hidden(hybrid, &start.hidden, start.inside, &known);
+        let windows = &self.windows.fit;
+        let go_on = |theta, states, sigma, known: &HiddenPrior, options: &FitOptions| {
+            fit(
+                hybrid,
+                &self.observations,
+                windows,
+                &free,
+                theta,
+                states,
+                sigma,
+                known,
+                options,
+            )
+        };
+        let mut inside = go_on(start.theta, states, start.sigma, &known, &options);
+        let mut paths = paths;
+        // The path that the hidden states are taken to follow is that of the constants with which the fit began.
+        for _ in 0..FURTHER_PATHS {
+            if hybrid.nh() == 0 || !inside.converged {
+                break;
+            }
+            paths = self.hidden_paths(hybrid, &inside.theta, substeps);
+            let known = prior(&inside.theta, windows, &paths);
+            let options = FitOptions {
+                state_iterations: 0,
+                ..options
+            };
+            let before = inside.theta.clone();
+            inside = go_on(inside.theta, inside.states, inside.sigma, &known, &options);
+            let moved = |(k, &i): (usize, &usize)| {
+                (inside.theta[i] - before[i]).powi(2) * inside.information[(k, k)] > STILL.powi(2)
+            };
+            if !free.iter().enumerate().any(moved) {
+                break;
+            }
+        }
+        let known = prior(&inside.theta, &self.windows.held_out, &paths);
         let outside = fit(
             hybrid,
             &self.observations,

@@ -6,6 +6,7 @@
 use super::advise::spoken;
 use super::bins::{binned, cell_means, explained_by};
 use super::curves::ResidualForce;
+use super::remainder::Remainder;
 use super::study::{Fitted, Study};
 use super::verdict::{ForceCurve, Memory, NearShape, SharedSignal, Unexplained};
 use crate::effect::{Action, default_smoothing, registry};
@@ -30,12 +31,13 @@ struct Signal {
     values: Vec<f64>,
 }
 
-/// Describes what a fitted model leaves on the coordinate of `residual`, which is the `c`th.
+/// Describes what a fitted model leaves on the coordinate of `residual`, which is the `c`th; `left` is what it follows from, where the
+/// windows show that.
 pub fn describe(
     study: &Study,
     fitted: &Fitted,
-    residual: &ResidualForce,
-    c: usize,
+    (residual, c): (&ResidualForce, usize),
+    left: Option<&Remainder>,
     inputs: &[String],
 ) -> Option<Unexplained> {
     let force = clipped(&residual.force);
@@ -96,9 +98,23 @@ pub fn describe(
         memory,
         curve,
         nearest: nearest(study, fitted, &force, &places, c),
+        follows: None,
         sentences: Vec::new(),
     };
-    unexplained.sentences = sentences(&unexplained);
+    if let Some(left) = left {
+        let follows = left.follows.words(&residual.coordinate);
+        unexplained.sentences.push(format!(
+            "A law is missing that follows {follows}: a curve without a formula, fitted to four fifths of the windows, explains the rest \
+             better by {:.2} nats a sample, {:.0} standard errors.",
+            left.gain_per_sample, left.z
+        ));
+        if left.follows.is_past() && !unexplained.memory.present {
+            unexplained.memory.present = true;
+            unexplained.memory.by.clone_from(&follows);
+        }
+        unexplained.follows = Some(follows);
+    }
+    unexplained.sentences.extend(sentences(&unexplained));
     Some(unexplained)
 }
 
@@ -396,7 +412,9 @@ fn sentences(u: &Unexplained) -> Vec<String> {
             ));
         }
     }
+    let is_known = u.follows.as_ref() == Some(&u.memory.by);
     said.push(match u.memory.present {
+        true if is_known => "It has a memory.".to_owned(),
         true => format!(
             "It has a memory: where position, velocity and that signal are the same, the {} explains {} of what is left.",
             u.memory.by,

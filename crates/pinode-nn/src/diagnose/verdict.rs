@@ -41,11 +41,11 @@ pub struct Diagnosis {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// One or more effects were named.
+    /// One or more effects were named, and explain more than follows from anything and is left.
     EffectsFound,
     /// The model explains the data.
     NothingMissing,
-    /// Something is missing that no effect in the library explains.
+    /// Something is missing that no effect in the library explains; what is named beside it explains less.
     Unexplained,
     /// The data are at fault: without what is faulty the model explains them.
     DataFault,
@@ -312,6 +312,9 @@ pub struct DataFault {
 pub struct Unexplained {
     /// The coordinate.
     pub coordinate: String,
+    /// What a law that is missing there follows, in words, where windows it was not fitted to show it; `null`: no law is seen, it may be
+    /// pushes from outside.
+    pub follows: Option<String>,
     /// Root mean square of the force, its noise included.
     pub rms: f64,
     /// Its unit.

@@ -50,7 +50,7 @@ pub static KIND: Kind = Kind {
     action: Action::Memory(&WithMemory(Hysteresis)),
     contains: &[],
     probes: |scales, _| {
-        [0.05, 0.2]
+        [0.02, 0.06, 0.2]
             .map(|way| {
                 let width = way * scales.reach;
                 Probe {

@@ -78,6 +78,7 @@ fn report_with_everything(dir: &Path) -> String {
     diagnosis.verdict = Verdict::Unexplained;
     let at: Vec<f64> = (0..24).map(|k| 0.1 * (f64::from(k) - 11.5)).collect();
     diagnosis.unexplained = Some(Unexplained {
+        follows: None,
         coordinate: "slider".into(),
         rms: 0.3,
         unit: "N".into(),

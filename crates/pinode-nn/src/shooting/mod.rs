@@ -14,7 +14,7 @@ mod window;
 
 pub(crate) use eight::{Member, roll_all};
 pub use fit::{Fit, FitOptions, fit};
-pub(crate) use normal::Accumulator;
+pub(crate) use normal::{Accumulator, Residual};
 pub use normal::{Reduced, WindowNormal};
 pub use observation::{Channel, Observations, ObservedRun, wrap_angle};
 pub use problem::HiddenPrior;

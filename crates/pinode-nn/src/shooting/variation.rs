@@ -14,6 +14,8 @@ use crate::hybrid::{DrivenInputs, Hybrid, Lane, Memory};
 /// F_i is the derivative of step i in the state that it starts from, δQ_i the force in the middle of the step. Second order in the step.
 #[derive(Debug, Clone, Default)]
 pub struct Variation {
+    /// Number of states.
+    nx: usize,
     /// First step of the roll-out on the grid of the inputs.
     first: usize,
     /// F of every step, nx × nx, column after column.
@@ -41,6 +43,7 @@ impl Roller<'_> {
         let system = self.with_sensitivities(theta, inputs, initial);
         let substeps = inputs.grid.substeps;
         *steps = Variation {
+            nx,
             first: first * substeps,
             ..Variation::default()
         };
@@ -131,15 +134,53 @@ impl Variation {
         let Some(first) = forces.first() else {
             return;
         };
-        let (nx, substeps) = (first.with.nx(), first.inputs.grid.substeps);
-        let steps = self.middles.len() / nx;
-        let mut halves = vec![[0.0; LANES]; steps * nx];
+        let substeps = first.inputs.grid.substeps;
+        let mut halves = vec![[0.0; LANES]; self.middles.len()];
         for (lane, force) in forces.iter().enumerate() {
             self.push(force, memory, |entry, half| halves[entry][lane] = half);
         }
-        let mut changes = vec![[0.0; LANES]; nx * (1 + steps / substeps)];
+        self.carry((states, substeps), halves, out);
+    }
+
+    /// [`under`](Self::under) forces that are given, each held between two samples: its coordinate, and its value from each sample of the
+    /// roll-out to the next.
+    pub fn under_given(
+        &self,
+        states: &[f64],
+        inputs: &DrivenInputs,
+        forces: &[(usize, Vec<f64>)],
+        out: &mut [Vec<f64>],
+    ) {
+        let substeps = inputs.grid.substeps;
+        let nx = self.nx;
+        let steps = self.middles.len() / nx.max(1);
+        let nv = (self.responses.len() / steps.max(1)).isqrt();
+        let mut halves = vec![[0.0; LANES]; self.middles.len()];
+        for (lane, (j, force)) in forces.iter().enumerate() {
+            for (i, response) in self.responses.chunks_exact(nv * nv).enumerate() {
+                let step = self.first + i;
+                let h = inputs.grid.bounds[step + 1] - inputs.grid.bounds[step];
+                let column = &response[j * nv..(j + 1) * nv];
+                let halves = &mut halves[i * nx + nv..];
+                for (half, response) in halves.iter_mut().zip(column) {
+                    half[lane] = 0.5 * h * force[i / substeps] * response;
+                }
+            }
+        }
+        self.carry((states, substeps), halves, out);
+    }
+
+    /// `states` plus what the pushes `halves`, ½ b of every step, change of them.
+    fn carry(
+        &self,
+        (states, substeps): (&[f64], usize),
+        mut halves: Vec<Lane>,
+        out: &mut [Vec<f64>],
+    ) {
+        let samples = halves.len() / (self.nx * substeps);
+        let mut changes = vec![[0.0; LANES]; self.nx * (1 + samples)];
         Arch::new().dispatch(Carried {
-            nx,
+            nx: self.nx,
             substeps,
             transitions: &self.transitions,
             halves: &mut halves,

@@ -150,6 +150,7 @@ fn found(
         steps: Vec::new(),
         found: vec![found],
         model: fitted,
+        left: None,
     };
     (prepared, search)
 }
