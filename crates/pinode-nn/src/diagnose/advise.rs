@@ -25,7 +25,7 @@ pub fn advise(
             splits.iter().filter(name)
         };
         advice.extend(rivals().map(|split| telling_apart(&own, split)));
-        if effect.confidence < 0.9 && rivals().next().is_none() {
+        if effect.confidence < 0.9 && rivals().next().is_none() && search.left.is_none() {
             advice.push(format!(
                 "{own} is the best of several names (confidence {:.2}): record a longer log with a wider range of speeds and inputs.",
                 effect.confidence
@@ -43,7 +43,8 @@ pub fn advise(
         let coordinates = search.model.hybrid.mechanics().coordinates();
         let joint = &coordinates[left.coordinate].name;
         advice.push(format!(
-            "what is left on `{joint}` follows {}: a law is missing that is in no effect of the library.",
+            "what is left on `{joint}` follows {}: something is missing that no accepted effect explains, and what was found may stand in \
+             for it.",
             left.follows.words(joint)
         ));
     } else if verdict != Verdict::NothingMissing

@@ -29,6 +29,7 @@ mod score;
 mod screen;
 mod search;
 mod setup;
+mod shapes;
 pub mod sketch;
 pub(crate) mod smooth;
 mod study;

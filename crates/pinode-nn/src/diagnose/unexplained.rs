@@ -108,10 +108,6 @@ pub fn describe(
              better by {:.2} nats a sample, {:.0} standard errors.",
             left.gain_per_sample, left.z
         ));
-        if left.follows.is_past() && !unexplained.memory.present {
-            unexplained.memory.present = true;
-            unexplained.memory.by.clone_from(&follows);
-        }
         unexplained.follows = Some(follows);
     }
     unexplained.sentences.extend(sentences(&unexplained));
@@ -374,7 +370,7 @@ fn sentences(u: &Unexplained) -> Vec<String> {
     };
     said.push(match best.share < WORTH {
         true => format!(
-            "On `{}` a force of {:.3} {} (root mean square) is unexplained, and no signal explains a tenth of its variance.",
+            "On `{}` a force of {:.3} {} (root mean square) is unexplained, and no signal by itself explains a tenth of its variance.",
             u.coordinate, u.rms, u.unit
         ),
         false => format!(
@@ -412,16 +408,15 @@ fn sentences(u: &Unexplained) -> Vec<String> {
             ));
         }
     }
-    let is_known = u.follows.as_ref() == Some(&u.memory.by);
-    said.push(match u.memory.present {
-        true if is_known => "It has a memory.".to_owned(),
-        true => format!(
+    if u.memory.present {
+        said.push(format!(
             "It has a memory: where position, velocity and that signal are the same, the {} explains {} of what is left.",
             u.memory.by,
             percent(u.memory.share)
-        ),
-        false => "No memory is seen: the recent past says nothing that position, velocity and that signal do not.".to_owned(),
-    });
+        ));
+    } else if u.follows.is_none() {
+        said.push("No memory is seen: the recent past says nothing that position, velocity and that signal do not.".to_owned());
+    }
     let near: Vec<String> = u
         .nearest
         .iter()

@@ -109,7 +109,7 @@ pub fn percent(share: f64) -> String {
 /// The verdict in plain sentences.
 pub fn verdict(diagnosis: &Diagnosis) -> String {
     let said = match diagnosis.verdict {
-        Verdict::EffectsFound => format!("{}.", missing(&diagnosis.effects)),
+        Verdict::EffectsFound => format!("{}.{}", missing(&diagnosis.effects), more(diagnosis)),
         Verdict::NothingMissing => "Nothing is missing: the model explains the data.".to_owned(),
         Verdict::Unexplained => unexplained(diagnosis),
         Verdict::DataFault => data_fault(diagnosis),
@@ -117,6 +117,15 @@ pub fn verdict(diagnosis: &Diagnosis) -> String {
     match gap(&diagnosis.gap) {
         Some(gap) => format!("{said} {gap}"),
         None => said,
+    }
+}
+
+/// What is left beside what was found, where it follows from something.
+fn more(diagnosis: &Diagnosis) -> String {
+    let left = diagnosis.unexplained.as_ref();
+    match left.and_then(|left| left.follows.as_ref()) {
+        Some(follows) => format!(" That is not all: what is left follows {follows}."),
+        None => String::new(),
     }
 }
 
