@@ -63,8 +63,8 @@ pub fn would_relieve(screened: &Screened) -> bool {
 }
 
 /// The screen's candidate as a fit has it. One that stretched constants imitate starts where it takes over from them: along the valley
-/// between the two a fit would creep. Of several starts the one from which the initial states explain most is taken: laws with a memory
-/// are far from linear in their parameters, and get no fewer than [`ITERATIONS`].
+/// between the two a fit would creep. Of several starts the one whose first iterations explain most is taken: laws with a memory are far
+/// from linear in their parameters, and get no fewer than [`ITERATIONS`].
 pub fn refine_one(
     study: &Study,
     current: &Fitted,

@@ -234,13 +234,10 @@ impl Study {
             iterations,
             state_iterations,
         };
-        let paths = self.hidden_paths(hybrid, &start.theta, substeps);
-        let prior = |theta: &[f64], windows: &[Window], paths: &[HiddenPath]| {
-            self.hidden_prior(hybrid, theta, windows, paths)
-        };
-        let known = prior(&start.theta, &self.windows.fit, &paths);
-        let states = with_hidden(hybrid, &start.hidden, start.inside, &known);
+        let mut paths = self.hidden_paths(hybrid, &start.theta, substeps);
         let windows = &self.windows.fit;
+        let known = self.hidden_prior(hybrid, &start.theta, windows, &paths);
+        let states = with_hidden(hybrid, &start.hidden, start.inside, &known);
         let go_on = |theta, states, sigma, known: &HiddenPrior, options: &FitOptions| {
             fit(
                 hybrid,
@@ -255,14 +252,13 @@ impl Study {
             )
         };
         let mut inside = go_on(start.theta, states, start.sigma, &known, &options);
-        let mut paths = paths;
         // The path that the hidden states are taken to follow is that of the constants with which the fit began.
         for _ in 0..FURTHER_PATHS {
             if hybrid.nh() == 0 || !inside.converged {
                 break;
             }
             paths = self.hidden_paths(hybrid, &inside.theta, substeps);
-            let known = prior(&inside.theta, windows, &paths);
+            let known = self.hidden_prior(hybrid, &inside.theta, windows, &paths);
             let options = FitOptions {
                 state_iterations: 0,
                 ..options
@@ -276,7 +272,7 @@ impl Study {
                 break;
             }
         }
-        let known = prior(&inside.theta, &self.windows.held_out, &paths);
+        let known = self.hidden_prior(hybrid, &inside.theta, &self.windows.held_out, &paths);
         let outside = fit(
             hybrid,
             &self.observations,

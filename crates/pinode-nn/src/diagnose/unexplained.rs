@@ -368,15 +368,18 @@ fn sentences(u: &Unexplained) -> Vec<String> {
     let Some(best) = u.depends_on.first() else {
         return said;
     };
+    let rms = match u.rms < 0.01 {
+        true => format!("{:.2e}", u.rms),
+        false => format!("{:.3}", u.rms),
+    };
     said.push(match best.share < WORTH {
         true => format!(
-            "On `{}` a force of {:.3} {} (root mean square) is unexplained, and no signal by itself explains a tenth of its variance.",
-            u.coordinate, u.rms, u.unit
+            "On `{}` a force of {rms} {} (root mean square) is unexplained, and no signal by itself explains a tenth of its variance.",
+            u.coordinate, u.unit
         ),
         false => format!(
-            "On `{}` a force of {:.3} {} (root mean square) is unexplained; {} of its variance follow the {}.",
+            "On `{}` a force of {rms} {} (root mean square) is unexplained; {} of its variance follow the {}.",
             u.coordinate,
-            u.rms,
             u.unit,
             percent(best.share),
             best.signal

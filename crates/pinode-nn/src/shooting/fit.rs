@@ -3,7 +3,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::problem::{HiddenPrior, Problem, Rolled};
-use super::{Channel, Observations, Window};
+use super::{Channel, Observations, Reduced, Window};
 use crate::hybrid::Hybrid;
 
 /// How a fit ends and how finely it integrates.
@@ -32,7 +32,8 @@ pub struct Fit {
     pub squares: Vec<Vec<(f64, usize)>>,
     /// Σ over windows of S, and the priors: the information on θ_free, in units of the residuals' variance.
     pub information: DMatrix<f64>,
-    /// Each window's gradient g after the fit (none where its equations failed), for the sandwich error.
+    /// What each window by itself pulls θ_free by, times the information: I (I − S_w)⁻¹ g_w, as if the others had been fitted without it
+    /// (none where its equations failed); then what each tolerance does, for the sandwich error.
     pub gradients: Vec<Option<DVector<f64>>>,
     /// The loss, with priors.
     pub loss: f64,
@@ -45,8 +46,9 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// Standard errors of θ_free that hold for residuals correlated within a window: the sandwich I⁻¹ (Σ g gᵀ) I⁻¹, at least the
-    /// nominal I⁻¹. A constant that the data do not move has an infinite one, or its prior's.
+    /// Standard errors of θ_free that hold for residuals correlated within a window: the sandwich I⁻¹ (Σ g̃ g̃ᵀ) I⁻¹, g̃ a window's
+    /// gradient as if the others had been fitted without it (the jackknife over windows; few windows fit themselves), and the tolerances
+    /// among them; at least the nominal I⁻¹. A constant that the data do not move has an infinite one, or its prior's.
     pub fn standard_errors(&self) -> Vec<f64> {
         let mut errors = vec![f64::INFINITY; self.free.len()];
         let moving: Vec<usize> = (0..errors.len())
@@ -244,6 +246,15 @@ pub fn fit(
 
     let reduced = problem.reduced(&theta, &mut now, &sigma);
     let (information, _) = problem.assemble(&theta, &reduced);
+    let of_windows = reduced
+        .iter()
+        .map(|r| r.as_ref().map(|r| by_itself(&information, r)));
+    let tolerances = free.iter().enumerate().map(|(k, &i)| {
+        let mut pull = DVector::zeros(free.len());
+        pull[k] = hybrid.constants()[i].tolerance.recip();
+        Some(pull)
+    });
+    let gradients = of_windows.chain(tolerances).collect();
     Fit {
         stretch: problem.prior_loss(&theta),
         theta,
@@ -256,9 +267,17 @@ pub fn fit(
             .iter()
             .map(|r| r.as_ref().map_or(0.0, |r| r.determined))
             .collect(),
-        gradients: reduced.into_iter().map(|r| r.map(|r| r.g)).collect(),
+        gradients,
         loss,
         converged,
+    }
+}
+
+/// I (I − S_w)⁻¹ g_w of a window; g_w where the others do not determine θ_free.
+fn by_itself(information: &DMatrix<f64>, window: &Reduced) -> DVector<f64> {
+    match Cholesky::new(information - &window.s) {
+        Some(others) if !window.g.is_empty() => information * others.solve(&window.g),
+        _ => window.g.clone(),
     }
 }
 
@@ -284,4 +303,48 @@ fn spread(channels: &[Channel], now: &[Rolled]) -> Vec<f64> {
             (1.4826 * median).max(channel.noise)
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A mean of n numbers x: S_w = 1, g_w = x_w − mean. Without x_w it is the mean less g_w / (n − 1), and the spread of these about it is the
+    /// error: Σ g² / (n − 1)².
+    #[test]
+    fn the_error_of_a_mean_is_that_of_the_means_that_leave_one_number_out() {
+        let x = [0.3, -1.2, 2.5, 0.1, 0.9, -0.4, 1.7];
+        let n = x.len() as f64;
+        let mean = x.iter().sum::<f64>() / n;
+        let information = DMatrix::from_element(1, 1, n);
+        let of_window = |x: &f64| Reduced {
+            s: DMatrix::from_element(1, 1, 1.0),
+            g: DVector::from_element(1, x - mean),
+            state_step: DVector::zeros(0),
+            state_by_theta: DMatrix::zeros(0, 1),
+            determined: 0.0,
+        };
+        let pulls = x
+            .iter()
+            .map(|x| Some(by_itself(&information, &of_window(x))));
+        let fit = Fit {
+            theta: vec![mean],
+            free: vec![0],
+            states: Vec::new(),
+            sigma: Vec::new(),
+            squares: Vec::new(),
+            gradients: pulls.collect(),
+            information,
+            loss: 0.0,
+            stretch: 0.0,
+            determined: Vec::new(),
+            converged: true,
+        };
+        let squares: f64 = x.iter().map(|x| (x - mean).powi(2)).sum();
+        let expected = squares.sqrt() / (n - 1.0);
+        assert!((fit.standard_errors()[0] / expected - 1.0).abs() < 1e-12);
+        // One window that is all there is determines nothing without itself.
+        let only = by_itself(&DMatrix::from_element(1, 1, 1.0), &of_window(&x[0]));
+        assert_eq!(only[0], x[0] - mean);
+    }
 }
