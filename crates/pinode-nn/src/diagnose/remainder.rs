@@ -15,7 +15,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::linear::{AtWindow, Linearisation};
-use super::score::{paired, samples_per_window};
+use super::score::{Paired, paired, samples_per_window};
 use super::shapes::{Follows, Shape, shapes};
 use super::study::{Fitted, Study};
 
@@ -29,9 +29,8 @@ const SPANNED: f64 = 1e-8;
 const GAIN: f64 = 0.05;
 /// … and so many standard errors.
 const SIGNIFICANT: f64 = 4.0;
-/// The past is in question where it explains so many times what the present does, which it knows.
+/// A law of the present is one of the past as well: it is taken for the past's only where that explains so many times what the present does.
 const OF_PAST: f64 = 1.3;
-
 /// What the input explains is the input's where it is so many times what the motion explains, which follows the input.
 const OF_INPUT: f64 = 1.3;
 
@@ -63,33 +62,32 @@ impl Remainder {
 pub fn remainder(study: &Study, fitted: &Fitted) -> Option<Remainder> {
     let groups = shapes(study, fitted);
     let samples = samples_per_window(&fitted.inside);
-    let explained = efficient(study, fitted, &groups)
+    let explained: Vec<(Paired, &Shape)> = efficient(study, fitted, &groups)
         .into_iter()
+        .map(|windows| gains(&windows))
+        .map(|gains| paired(&gains, &vec![0.0; gains.len()]))
         .zip(&groups)
-        .map(|(windows, group)| {
-            let gains = gains(&windows);
-            (paired(&gains, &vec![0.0; gains.len()]), group)
-        });
-    let explained: Vec<_> = explained.collect();
-    let best_of = |counts: &dyn Fn(Follows) -> bool| {
-        let some = explained.iter().filter(|(_, g)| counts(g.follows));
+        .collect();
+    let per_sample = |p: &Paired| p.gain / (p.windows.max(1) as f64 * samples);
+    let counts = |p: &Paired| per_sample(p) > GAIN && p.z > SIGNIFICANT;
+    let best_of = |is: &dyn Fn(&(Paired, &Shape)) -> bool| {
+        let some = explained.iter().filter(|e| is(e));
         some.max_by(|a, b| a.0.gain.total_cmp(&b.0.gain))
     };
-    let gain =
-        |best: Option<&(_, _)>| best.map_or(0.0, |(p, _): &(super::score::Paired, _)| p.gain);
-    let (present, past) = (best_of(&|f| !f.is_past()), best_of(&Follows::is_past));
-    let (found, group) = match gain(past) > OF_PAST * gain(present).max(0.0) {
-        true => past?,
-        false => present?,
+    let present = best_of(&|(p, shape)| counts(p) && !shape.follows.is_past());
+    let past = best_of(&|(p, shape)| counts(p) && shape.follows.is_past());
+    let by_motion = best_of(&|(_, shape)| !shape.follows.is_of_input());
+    let (found, shape) = match (present, past) {
+        (Some(present), Some(past)) if past.0.gain < OF_PAST * present.0.gain => present,
+        (present, past) => past.or(present)?,
     };
-    let gain_per_sample = found.gain / (found.windows.max(1) as f64 * samples);
-    (gain_per_sample > GAIN && found.z > SIGNIFICANT).then(|| Remainder {
-        coordinate: group.coordinate,
-        follows: group.follows,
+    Some(Remainder {
+        coordinate: shape.coordinate,
+        follows: shape.follows,
         gain: found.gain,
-        gain_per_sample,
+        gain_per_sample: per_sample(found),
         z: found.z,
-        by_motion: gain(best_of(&|f| !f.is_of_input())),
+        by_motion: by_motion.map_or(0.0, |(p, _)| p.gain),
     })
 }
 

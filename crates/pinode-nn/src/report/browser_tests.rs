@@ -76,30 +76,7 @@ fn browser() -> Option<PathBuf> {
 fn report_with_everything(dir: &Path) -> String {
     let mut diagnosis = diagnosis("slider");
     diagnosis.verdict = Verdict::Unexplained;
-    let at: Vec<f64> = (0..24).map(|k| 0.1 * (f64::from(k) - 11.5)).collect();
-    diagnosis.unexplained = Some(Unexplained {
-        follows: None,
-        coordinate: "slider".into(),
-        rms: 0.3,
-        unit: "N".into(),
-        depends_on: vec![SharedSignal {
-            signal: "velocity of slider".into(),
-            unit: "m/s".into(),
-            share: 0.7,
-        }],
-        together_with: None,
-        odd_share: Some(0.9),
-        memory: Memory::default(),
-        curve: ForceCurve {
-            signal: "velocity of slider".into(),
-            unit: "m/s".into(),
-            force: at.iter().map(|v| -v.powi(3)).collect(),
-            std: vec![0.01; at.len()],
-            at,
-        },
-        nearest: Vec::new(),
-        sentences: vec!["On `slider` a force of 0.300 N is unexplained.".into()],
-    });
+    diagnosis.unexplained = Some(unexplained(None));
     let path = write(
         dir,
         &diagnosis,

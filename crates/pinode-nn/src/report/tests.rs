@@ -15,6 +15,34 @@ fn evidence() -> Evidence {
     }
 }
 
+/// A force on the slider that falls with the cube of its velocity.
+pub(super) fn unexplained(follows: Option<&str>) -> Unexplained {
+    let at: Vec<f64> = (0..24).map(|k| 0.1 * (f64::from(k) - 11.5)).collect();
+    Unexplained {
+        coordinate: "slider".into(),
+        follows: follows.map(str::to_owned),
+        rms: 0.3,
+        unit: "N".into(),
+        depends_on: vec![SharedSignal {
+            signal: "velocity of slider".into(),
+            unit: "m/s".into(),
+            share: 0.7,
+        }],
+        together_with: None,
+        odd_share: Some(0.9),
+        memory: Memory::default(),
+        curve: ForceCurve {
+            signal: "velocity of slider".into(),
+            unit: "m/s".into(),
+            force: at.iter().map(|v| -v.powi(3)).collect(),
+            std: vec![0.01; at.len()],
+            at,
+        },
+        nearest: Vec::new(),
+        sentences: vec!["On `slider` a force of 0.300 N is unexplained.".into()],
+    }
+}
+
 fn name(kind: &str, target: &str) -> Name {
     Name {
         kind: kind.into(),
@@ -514,6 +542,12 @@ fn every_verdict_is_a_sentence() {
     assert!(verdict_in_words(&d).starts_with(
         "2 effects are missing: Coulomb friction on `slider`, 0.312 ± 0.010 N (98 %); Coulomb"
     ));
+    d.unexplained = Some(unexplained(Some("the input on `slider`")));
+    let said = verdict_in_words(&d);
+    assert!(said.contains("That is not all: what is left follows the input on `slider`."));
+    // Where no law is seen, nothing is said of one.
+    d.unexplained = Some(unexplained(None));
+    assert!(!verdict_in_words(&d).contains("That is not all"));
     written(&d, &curves("slider"));
 }
 

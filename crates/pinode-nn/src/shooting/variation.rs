@@ -14,8 +14,9 @@ use crate::hybrid::{DrivenInputs, Hybrid, Lane, Memory};
 /// F_i is the derivative of step i in the state that it starts from, δQ_i the force in the middle of the step. Second order in the step.
 #[derive(Debug, Clone, Default)]
 pub struct Variation {
-    /// Number of states.
+    /// Number of states, and of velocities.
     nx: usize,
+    nv: usize,
     /// First step of the roll-out on the grid of the inputs.
     first: usize,
     /// F of every step, nx × nx, column after column.
@@ -44,6 +45,7 @@ impl Roller<'_> {
         let substeps = inputs.grid.substeps;
         *steps = Variation {
             nx,
+            nv: self.hybrid.nv(),
             first: first * substeps,
             ..Variation::default()
         };
@@ -152,18 +154,12 @@ impl Variation {
         out: &mut [Vec<f64>],
     ) {
         let substeps = inputs.grid.substeps;
-        let nx = self.nx;
-        let steps = self.middles.len() / nx.max(1);
-        let nv = (self.responses.len() / steps.max(1)).isqrt();
         let mut halves = vec![[0.0; LANES]; self.middles.len()];
         for (lane, (j, force)) in forces.iter().enumerate() {
-            for (i, response) in self.responses.chunks_exact(nv * nv).enumerate() {
-                let step = self.first + i;
-                let h = inputs.grid.bounds[step + 1] - inputs.grid.bounds[step];
-                let column = &response[j * nv..(j + 1) * nv];
-                let halves = &mut halves[i * nx + nv..];
-                for (half, response) in halves.iter_mut().zip(column) {
-                    half[lane] = 0.5 * h * force[i / substeps] * response;
+            for (i, halves) in halves.chunks_exact_mut(self.nx).enumerate() {
+                let push = self.half_step(inputs, i) * force[i / substeps];
+                for (half, response) in halves[self.nv..].iter_mut().zip(self.response(i, *j)) {
+                    half[lane] = push * response;
                 }
             }
         }
@@ -192,6 +188,17 @@ impl Variation {
         }
     }
 
+    /// Half of the length of step `i`, s.
+    fn half_step(&self, inputs: &DrivenInputs, i: usize) -> f64 {
+        let bounds = &inputs.grid.bounds[self.first + i..];
+        0.5 * (bounds[1] - bounds[0])
+    }
+
+    /// How a force on coordinate `j` accelerates all in the middle of step `i`: that column of M⁻¹.
+    fn response(&self, i: usize, j: usize) -> &[f64] {
+        &self.responses[(i * self.nv + j) * self.nv..][..self.nv]
+    }
+
     /// ½ b_i of a force, entry after entry of all steps, to `half`.
     fn push(
         &self,
@@ -204,22 +211,19 @@ impl Variation {
         memory: &mut Memory,
         mut half: impl FnMut(usize, f64),
     ) {
-        let (nv, nx) = (with.nv(), with.nx());
+        let (nv, nx) = (self.nv, self.nx);
         let own = self
             .middles
             .chunks_exact(nx)
-            .zip(self.forces.chunks_exact(nx - nv))
-            .zip(self.responses.chunks_exact(nv * nv));
+            .zip(self.forces.chunks_exact(nx - nv));
         let mut sum = vec![0.0; nv];
-        for (i, ((middle, before), response)) in own.enumerate() {
-            let step = self.first + i;
-            let h = inputs.grid.bounds[step + 1] - inputs.grid.bounds[step];
+        for (i, (middle, before)) in own.enumerate() {
+            let (step, half_step) = (self.first + i, self.half_step(inputs, i));
             let state = with.parts(middle);
             sum.fill(0.0);
             let mut add = |j: usize, force: f64| {
-                let column = &response[j * nv..(j + 1) * nv];
-                for (sum, response) in sum.iter_mut().zip(column) {
-                    *sum += 0.5 * h * force * response;
+                for (sum, response) in sum.iter_mut().zip(self.response(i, j)) {
+                    *sum += half_step * force * response;
                 }
             };
             match only.and_then(|effect| with.joint_force(effect, state, theta)) {
@@ -230,7 +234,7 @@ impl Variation {
                         add(j, force - before);
                     }
                     for (k, rate) in rates.iter().enumerate() {
-                        half(i * nx + 2 * nv + k, 0.5 * h * (rate - before[nv + k]));
+                        half(i * nx + 2 * nv + k, half_step * (rate - before[nv + k]));
                     }
                 }
             }
@@ -406,6 +410,42 @@ mod tests {
                     .unwrap();
                 distance(&exact.states, &found) / distance(&exact.states, &null.states)
             });
+        }
+    }
+
+    /// A push that is given is that of a constant force in the model, on either coordinate.
+    #[test]
+    fn a_given_force_moves_the_roll_out_as_the_same_force_of_the_model() {
+        let hybrid = pendulum_on_a_cart();
+        let theta = hybrid.theta();
+        let inputs = pushes(&hybrid, &theta, 4);
+        let (mut null, mut steps) = (Trajectory::default(), Variation::default());
+        Roller::new(&hybrid, &[])
+            .roll_step_by_step(&theta, &inputs, SPAN, &START, &mut null, &mut steps)
+            .unwrap();
+        for target in [0, 1] {
+            let mut with = hybrid.clone();
+            let placed = Placed {
+                kind: registry::find("constant_force").unwrap(),
+                target,
+                smoothing: 0.05,
+            };
+            with.add(placed, &[1e-3], false);
+            let theta = with.theta();
+            let force = SmallForce {
+                with: &with,
+                theta: &theta,
+                inputs: &inputs,
+                only: Some(with.effects().len() - 1),
+            };
+            let mut modelled = [Vec::new()];
+            steps.under(&null.states, &[force], &mut with.memory(&[]), &mut modelled);
+            let mut given = [Vec::new()];
+            let held = (target, vec![1e-3; SPAN.1 - 1]);
+            steps.under_given(&null.states, &inputs, &[held], &mut given);
+            let moved = distance(&given[0], &null.states);
+            assert!(moved > 1e-4, "{moved}");
+            assert!(distance(&given[0], &modelled[0]) < 1e-9 * moved);
         }
     }
 }
