@@ -10,7 +10,7 @@ use std::collections::HashMap;
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use nalgebra::{DMatrix, DVector};
 use sha2::{Digest, Sha256};
@@ -173,6 +173,7 @@ impl Study {
             inside,
             outside,
             substeps,
+            left: OnceLock::new(),
         }
     }
 }

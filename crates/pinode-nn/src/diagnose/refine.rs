@@ -12,6 +12,8 @@ const IMITATED: f64 = 0.9;
 /// Iterations by which the starts of a candidate are compared, of the initial states and of all: of friction with a memory, whose starts
 /// are too small to tell much, and of what stands between motor and joint, whose every iteration is dear.
 const COMPARING: [(usize, usize); 2] = [(1, 4), (3, 0)];
+/// … and one in so many of the windows.
+const SHARE: usize = 4;
 /// Iterations of a fit that refines: of a first look at what has no memory, and of all else.
 pub const FIRST_LOOK: usize = 5;
 pub const ITERATIONS: usize = 12;
@@ -92,12 +94,13 @@ pub fn refine_one(
         [only] => fit_with(study, current, &theta, &members(only), (1, iterations)),
         several => {
             let comparing = COMPARING[usize::from(candidate.kind.family != Family::Memory)];
+            let (some, current_there) = study.some_windows(current, SHARE);
             let tried = several
                 .iter()
-                .map(|start| fit_with(study, current, &theta, &members(start), comparing));
+                .map(|start| fit_with(&some, &current_there, &theta, &members(start), comparing));
             match tried.max_by(|a, b| a.score(0).total_cmp(&b.score(0))) {
                 Some(best) => {
-                    let start = best.start(best.inside.theta.clone());
+                    let start = current.start(best.inside.theta.clone());
                     study.fit(best.hybrid, start, 1, iterations)
                 }
                 None => current.clone(),

@@ -15,7 +15,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::linear::{AtWindow, Linearisation};
-use super::score::{Paired, paired, samples_per_window};
+use super::score::{paired, samples_per_window};
 use super::shapes::{Follows, Shape, shapes};
 use super::study::{Fitted, Study};
 
@@ -25,10 +25,10 @@ const FOLDS: usize = 5;
 const RIDGE: f64 = 1e-3;
 /// A column of which the free constants leave less than this share counts as one that they span.
 const SPANNED: f64 = 1e-8;
-/// A law is there when it explains so many nats a sample of what it was not fitted to …
-const GAIN: f64 = 0.05;
-/// … and so many standard errors.
-const SIGNIFICANT: f64 = 4.0;
+/// A law is there when it explains so many nats a sample of what it was not fitted to, and so many standard errors.
+const SIGNIFICANT: (f64, f64) = (0.05, 4.0);
+/// From so much on it is worth a search.
+const HINT: (f64, f64) = (0.02, 1.0);
 /// A law of the present is one of the past as well: it is taken for the past's only where that explains so many times what the present does.
 const OF_PAST: f64 = 1.3;
 /// What the input explains is the input's where it is so many times what the motion explains, which follows the input.
@@ -52,42 +52,62 @@ pub struct Remainder {
 }
 
 impl Remainder {
+    /// Whether it is there beyond doubt.
+    pub fn is_significant(&self) -> bool {
+        self.exceeds(SIGNIFICANT)
+    }
+
+    /// Whether it is worth a search, which counts by itself what it finds.
+    pub fn is_hint(&self) -> bool {
+        self.exceeds(HINT)
+    }
+
+    fn exceeds(&self, (gain_per_sample, z): (f64, f64)) -> bool {
+        self.gain_per_sample > gain_per_sample && self.z > z
+    }
+
     /// Whether friction of any sort may be what is missing: that knows of the input only by what it moves.
     pub fn may_be_friction(&self) -> bool {
         !self.follows.is_of_input() || self.gain < OF_INPUT * self.by_motion
     }
 }
 
-/// The general force that explains most of what `fitted` leaves in the seen windows; `None` where none does significantly.
+/// The general force that explains most of what `fitted` leaves in the seen windows; one that is there beyond doubt before all others.
 pub fn remainder(study: &Study, fitted: &Fitted) -> Option<Remainder> {
     let groups = shapes(study, fitted);
     let samples = samples_per_window(&fitted.inside);
-    let explained: Vec<(Paired, &Shape)> = efficient(study, fitted, &groups)
+    let mut explained: Vec<Remainder> = efficient(study, fitted, &groups)
         .into_iter()
-        .map(|windows| gains(&windows))
-        .map(|gains| paired(&gains, &vec![0.0; gains.len()]))
         .zip(&groups)
+        .map(|(windows, shape)| {
+            let gains = gains(&windows);
+            let found = paired(&gains, &vec![0.0; gains.len()]);
+            Remainder {
+                coordinate: shape.coordinate,
+                follows: shape.follows,
+                gain: found.gain,
+                gain_per_sample: found.gain / (found.windows.max(1) as f64 * samples),
+                z: found.z,
+                by_motion: 0.0,
+            }
+        })
         .collect();
-    let per_sample = |p: &Paired| p.gain / (p.windows.max(1) as f64 * samples);
-    let counts = |p: &Paired| per_sample(p) > GAIN && p.z > SIGNIFICANT;
-    let best_of = |is: &dyn Fn(&(Paired, &Shape)) -> bool| {
-        let some = explained.iter().filter(|e| is(e));
-        some.max_by(|a, b| a.0.gain.total_cmp(&b.0.gain))
+    let by_motion = explained.iter().filter(|r| !r.follows.is_of_input());
+    let by_motion = by_motion.map(|r| r.gain).fold(0.0, f64::max);
+    if explained.iter().any(Remainder::is_significant) {
+        explained.retain(Remainder::is_significant);
+    }
+    let best_of = |past: bool| {
+        let some = explained.iter().filter(|r| r.follows.is_past() == past);
+        some.max_by(|a, b| a.gain.total_cmp(&b.gain))
     };
-    let present = best_of(&|(p, shape)| counts(p) && !shape.follows.is_past());
-    let past = best_of(&|(p, shape)| counts(p) && shape.follows.is_past());
-    let by_motion = best_of(&|(_, shape)| !shape.follows.is_of_input());
-    let (found, shape) = match (present, past) {
-        (Some(present), Some(past)) if past.0.gain < OF_PAST * present.0.gain => present,
+    let found = match (best_of(false), best_of(true)) {
+        (Some(present), Some(past)) if past.gain < OF_PAST * present.gain => present,
         (present, past) => past.or(present)?,
     };
     Some(Remainder {
-        coordinate: shape.coordinate,
-        follows: shape.follows,
-        gain: found.gain,
-        gain_per_sample: per_sample(found),
-        z: found.z,
-        by_motion: by_motion.map_or(0.0, |(p, _)| p.gain),
+        by_motion,
+        ..found.clone()
     })
 }
 

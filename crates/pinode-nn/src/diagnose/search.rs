@@ -5,7 +5,8 @@ use super::found::{Found, prune, revisit};
 use super::refine::{
     Contender, FIRST_LOOK, ITERATIONS, polish, rank, refine, refine_one, would_relieve,
 };
-use super::remainder::{Remainder, remainder};
+use super::remainder::Remainder;
+use super::score::samples_per_window;
 use super::screen::{self, Screen, Screened, ScreenedPair};
 use super::study::{Comparison, Fitted, RELIEF, Study};
 use crate::effect::{Family, Kind};
@@ -15,8 +16,15 @@ use crate::hybrid::Placed;
 const MOST_EFFECTS: usize = 4;
 /// So many candidates of a screen are refined.
 const REFINED: usize = 5;
-/// So many kinds of friction with a memory, where nothing simpler is accepted.
+/// So many times, while that explains less than it leaves.
+const BATCHES: usize = 3;
+/// So many candidates with states of their own, where others leave something to explain …
 const SECOND_CHOICES: usize = 3;
+/// … if the screen promises them this share of what it promises the best of the others.
+const RIVALLING: f64 = 0.5;
+/// A candidate is refined when the screen promises it so many nats a sample: a fifth of the least gain that counts, for what is far from
+/// linear gains more than its linearisation promises; and that gain itself beside what was found, if that leaves nothing that follows from anything.
+const PROMISED: (f64, f64) = (0.01, 0.05);
 /// Least t² in the first screen, and in later ones.
 pub const LEAST_T2: (f64, f64) = (4.0, 6.0);
 /// So many candidates that stretched constants imitate are refined beside them.
@@ -63,7 +71,7 @@ impl Search {
     pub fn withdraw(&mut self, study: &Study) {
         self.found.clear();
         self.model = self.null.clone();
-        self.left = remainder(study, &self.model);
+        self.left = self.model.left(study).cloned();
         for step in &mut self.steps {
             step.accepted = None;
         }
@@ -101,12 +109,13 @@ pub fn search(study: &Study, null: Fitted, seed: u64, report: Report) -> Search 
     }
     // What is found first may be a small part of what friction with a memory does.
     let simple = path.added.iter().all(|c| !is_second_choice(c.kind));
-    if !path.added.is_empty()
-        && simple
-        && is_unexplained(study, &path.current, UNEXPLAINED)
-        && may_be_friction(study, &path.current)
-    {
-        let (screened, mut contenders) = second_choices(study, &null, LEAST_T2.0, report);
+    let left = path.current.hint(study);
+    let rubs = left.is_some_and(Remainder::may_be_friction);
+    if !path.added.is_empty() && simple && rubs {
+        report("asking for friction with a memory instead");
+        let screened = screen::screen(study, &null, is_second_choice).ranked;
+        let promising = screened.iter().filter(|s| s.t2 > LEAST_T2.0);
+        let mut contenders = refine_dear(study, &null, promising, report);
         rank(&mut contenders, seed);
         if let Some(k) = accept(study, &null, &mut contenders, seed) {
             let step = Step {
@@ -128,7 +137,7 @@ pub fn search(study: &Study, null: Fitted, seed: u64, report: Report) -> Search 
     } = path;
     let mut found = revisit(study, &null, &mut current, &mut added, &steps, seed, report);
     report("asking whether what is left follows from anything");
-    let left = remainder(study, &current);
+    let left = current.left(study).cloned();
     let explained = explained(study, &null, &current);
     for found in &mut found {
         found.believe(explained.min(found.share_beside(left.as_ref())));
@@ -236,101 +245,152 @@ impl Path {
     }
 }
 
-/// Friction that remembers does what friction without a memory does, and more, at many times the cost: it is tried where nothing simpler
-/// is accepted and something is left to explain.
+/// Friction that remembers does what friction without a memory does, and more.
 pub fn is_second_choice(kind: &Kind) -> bool {
     kind.family == Family::Memory
 }
 
+/// What has states of its own takes many times the time of what has none: it is tried where that leaves something to explain.
+fn is_dear(kind: &Kind) -> bool {
+    kind.states() > 0
+}
+
 fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Report) -> Step {
     let effects = current.hybrid.effects();
-    // What friction with a memory is a special case of is the next thing to ask.
-    let mut screen = screen::screen(study, current, |kind| {
-        let contained =
-            |e: &Placed| is_second_choice(e.kind) && kind.contains.contains(&e.kind.name);
-        !is_second_choice(kind) || effects.iter().any(contained)
-    });
+    // What contains a law with a memory that is there is the next thing to ask.
+    let contains = |kind: &Kind| {
+        let contained = |e: &Placed| is_dear(e.kind) && kind.contains.contains(&e.kind.name);
+        effects.iter().any(contained)
+    };
+    let is_simple = |kind: &Kind| !is_dear(kind) || contains(kind);
+    let mut screen = screen::screen(study, current, is_simple);
     let least = if first { LEAST_T2.0 } else { LEAST_T2.1 };
-    let mut chosen: Vec<&Screened> = screen
+    let mut step = Step {
+        screened: Vec::new(),
+        contenders: Vec::new(),
+        accepted: None,
+    };
+    let samples = current.inside_scores.len() as f64 * samples_per_window(&current.inside);
+    let per_sample = |s: &Screened| s.gain / samples;
+    let enough = match first || current.hint(study).is_some() {
+        true => PROMISED.0,
+        false => PROMISED.1,
+    };
+    let promising: Vec<&Screened> = screen
         .ranked
         .iter()
-        .filter(|s| s.t2 > least)
-        .take(REFINED)
+        .filter(|s| s.t2 > least && per_sample(s) > enough)
         .collect();
-    // What stretched tolerances imitate leaves no residual for the screen to see.
-    if current.inside.stretch > RELIEF {
-        let mut imitated: Vec<&Screened> = screen
-            .ranked
-            .iter()
-            .filter(|s| would_relieve(s) && !chosen.contains(s))
-            .collect();
-        imitated.sort_by(|a, b| b.relief.total_cmp(&a.relief));
-        chosen.extend(imitated.into_iter().take(RELIEVING));
-    }
-    let mut contenders: Vec<Contender> = Vec::new();
-    for s in &chosen {
-        report(&format!("refining {}", s.candidate.kind.name));
-        contenders.push(refine_one(study, current, s, FIRST_LOOK));
-    }
-    polish(study, current, &mut contenders);
-    rank(&mut contenders, seed);
-    contenders.extend(lookalikes(study, current, &screen, &contenders, report));
-    rank(&mut contenders, seed);
-    let mut accepted = accept(study, current, &mut contenders, seed);
-    let unexplained = accepted.is_none() && is_unexplained(study, current, (1.25, 2.6));
-    if unexplained && may_be_friction(study, current) {
-        let (with_memory, mut second) = second_choices(study, current, least, report);
-        screen.ranked.extend(with_memory);
-        rank(&mut second, seed);
-        if let Some(k) = accept(study, current, &mut second, seed) {
-            contenders = second;
-            accepted = Some(k);
+    for (batch, chosen) in batches(&promising).enumerate() {
+        let mut chosen = chosen.to_vec();
+        // What stretched tolerances imitate leaves no residual for the screen to see.
+        if batch == 0 && current.inside.stretch > RELIEF {
+            let mut imitated: Vec<&Screened> = screen
+                .ranked
+                .iter()
+                .filter(|s| would_relieve(s) && !chosen.contains(s))
+                .collect();
+            imitated.sort_by(|a, b| b.relief.total_cmp(&a.relief));
+            chosen.extend(imitated.into_iter().take(RELIEVING));
+        }
+        for s in &chosen {
+            report(&format!("refining {}", s.candidate.kind.name));
+            step.contenders
+                .push(refine_one(study, current, s, FIRST_LOOK));
+        }
+        polish(study, current, &mut step.contenders);
+        rank(&mut step.contenders, seed);
+        let alike = lookalikes(study, current, &screen, &step.contenders, report);
+        step.contenders.extend(alike);
+        step.choose(study, current, seed);
+        if step.explains_more_than(step.best(current).hint(study)) {
+            break;
         }
     }
-    if unexplained && accepted.is_none() {
-        let pairs: Vec<ScreenedPair> = screen.pairs(4);
-        let mut joint: Vec<Contender> = Vec::new();
-        for pair in &pairs {
-            report(&format!(
-                "refining {} with {}",
-                pair.members[0].0.kind.name, pair.members[1].0.kind.name
-            ));
-            joint.push(refine(study, current, &pair.members));
-        }
-        rank(&mut joint, seed);
-        if let Some(k) = accept(study, current, &mut joint, seed) {
-            contenders = joint;
-            accepted = Some(k);
+    if let Some(left) = step.best(current).hint(study).cloned() {
+        // Friction explains what nothing else does: beside a law that is accepted for what it explains it is asked in the end.
+        let firm = step.accepted().is_some_and(|c| c.comparison.explains());
+        let friction = !firm && left.may_be_friction();
+        let dear = screen::screen(study, current, |kind| {
+            !is_simple(kind) && (friction || !is_second_choice(kind))
+        })
+        .ranked;
+        let leading = step.accepted().and_then(|c| {
+            let same = |s: &&Screened| s.candidate == c.added[0];
+            screen.ranked.iter().find(same).map(|s| s.gain)
+        });
+        let enough = RIVALLING * leading.unwrap_or(0.0);
+        let rivals = dear.iter().filter(|s| s.t2 > least && s.gain > enough);
+        let refined = refine_dear(study, current, rivals, report);
+        step.contenders.extend(refined);
+        step.choose(study, current, seed);
+        screen.ranked.extend(dear);
+        if step.accepted.is_none() {
+            let pairs: Vec<ScreenedPair> = screen.pairs(4);
+            let mut joint: Vec<Contender> = Vec::new();
+            for pair in &pairs {
+                report(&format!(
+                    "refining {} with {}",
+                    pair.members[0].0.kind.name, pair.members[1].0.kind.name
+                ));
+                joint.push(refine(study, current, &pair.members));
+            }
+            rank(&mut joint, seed);
+            if let Some(k) = accept(study, current, &mut joint, seed) {
+                step.contenders = joint;
+                step.accepted = Some(k);
+            }
         }
     }
-    Step {
-        screened: screen.ranked,
-        contenders,
-        accepted,
+    step.screened = screen.ranked;
+    step
+}
+
+/// What is refined at once, at least once: [`REFINED`] candidates, and as many again while they explain less than they leave.
+fn batches<'a, T>(promising: &'a [T]) -> impl Iterator<Item = &'a [T]> {
+    let first = promising.len().min(REFINED);
+    let (first, rest) = promising.split_at(first);
+    std::iter::once(first)
+        .chain(rest.chunks(REFINED))
+        .take(BATCHES)
+}
+
+impl Step {
+    fn accepted(&self) -> Option<&Contender> {
+        self.contenders.get(self.accepted?)
+    }
+
+    /// The model with what is accepted, else `current`.
+    fn best<'a>(&'a self, current: &'a Fitted) -> &'a Fitted {
+        self.accepted().map_or(current, |c| &c.fitted)
+    }
+
+    fn choose(&mut self, study: &Study, current: &Fitted, seed: u64) {
+        rank(&mut self.contenders, seed);
+        self.accepted = accept(study, current, &mut self.contenders, seed);
+    }
+
+    /// Whether what is accepted explains more than it leaves.
+    fn explains_more_than(&self, left: Option<&Remainder>) -> bool {
+        let explained = self.accepted().map_or(0.0, |c| c.comparison.total());
+        left.is_none_or(|left| left.gain < explained)
     }
 }
 
-/// Whether what a model leaves may be friction.
-fn may_be_friction(study: &Study, fitted: &Fitted) -> bool {
-    remainder(study, fitted).is_none_or(|left| left.may_be_friction())
-}
-
-/// The screen of the kinds of friction with a memory, and the best of them refined.
-fn second_choices(
+/// The best candidates with states of their own, refined.
+fn refine_dear<'a>(
     study: &Study,
     current: &Fitted,
-    least: f64,
+    promising: impl Iterator<Item = &'a Screened>,
     report: Report,
-) -> (Vec<Screened>, Vec<Contender>) {
-    let with_memory = screen::screen(study, current, is_second_choice).ranked;
-    let promising = with_memory.iter().filter(|s| s.t2 > least);
+) -> Vec<Contender> {
     let refined = promising.take(SECOND_CHOICES).map(|s| {
         report(&format!("refining {}", s.candidate.kind.name));
         refine_one(study, current, s, ITERATIONS)
     });
     let mut refined: Vec<Contender> = refined.collect();
     polish(study, current, &mut refined);
-    (with_memory, refined)
+    refined
 }
 
 /// What looks like the best contender and was not refined: the data may not tell them apart, which has to be said.

@@ -1,9 +1,11 @@
 //! The data under study, and models fitted to it.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use super::kept::Kept;
+use super::remainder::{Remainder, remainder};
 use super::score::{Paired, paired, samples_per_window};
+use super::setup::FEWEST_WINDOWS;
 use super::smooth::Smoothed;
 use crate::effect::{Kind, Scales};
 use crate::hybrid::{HiddenPath, Hybrid, Placed, Reading};
@@ -18,7 +20,7 @@ const RESOLVED: f64 = 1.5;
 const FURTHER_PATHS: usize = 2;
 const STILL: f64 = 0.1;
 /// Effects with a memory may take so many times the integration steps of the other ones.
-const MOST_REFINED: usize = 8;
+const MOST_REFINED: usize = 4;
 
 /// The data under study.
 #[derive(Debug, Clone)]
@@ -58,6 +60,8 @@ pub struct Fitted {
     pub outside_scores: Vec<f64>,
     /// Integration steps per log sample that it was fitted with.
     pub substeps: usize,
+    /// What it leaves, once that was asked.
+    pub(super) left: OnceLock<Option<Remainder>>,
 }
 
 /// From where a fit starts.
@@ -93,6 +97,17 @@ impl Fitted {
         let sum: f64 = self.inside_scores.iter().sum();
         let penalty = 4.0 * more as f64 * (self.inside_scores.len() as f64).ln();
         sum - self.inside.stretch - penalty
+    }
+
+    /// What it leaves in the windows of `study`, where that may follow from anything; computed once.
+    pub fn hint(&self, study: &Study) -> Option<&Remainder> {
+        let left = self.left.get_or_init(|| remainder(study, self)).as_ref();
+        left.filter(|left| left.is_hint())
+    }
+
+    /// The same, where it does beyond doubt.
+    pub fn left(&self, study: &Study) -> Option<&Remainder> {
+        self.hint(study).filter(|left| left.is_significant())
     }
 
     /// Residual over sensor noise, one a channel: 1 where the model explains all.
@@ -182,6 +197,26 @@ impl Study {
     pub fn resolves(&self, hybrid: &Hybrid, theta: &[f64]) -> bool {
         let steps = self.substeps_for(hybrid, theta) as f64;
         self.interval * hybrid.fastest_memory(theta, &self.scales) <= RESOLVED * steps
+    }
+
+    /// One in `share` of the windows, if they are many enough, and there what a fitted model starts from.
+    pub fn some_windows(&self, fitted: &Fitted, share: usize) -> (Study, Fitted) {
+        let share = share
+            .min(self.windows.held_out.len() / (FEWEST_WINDOWS / 2))
+            .max(1);
+        fn some<T: Clone>(all: &[T], share: usize) -> Vec<T> {
+            all.iter().step_by(share).cloned().collect()
+        }
+        let mut study = self.clone();
+        study.windows.fit = some(&self.windows.fit, share);
+        study.windows.held_out = some(&self.windows.held_out, share);
+        let mut fitted = Fitted {
+            left: OnceLock::new(),
+            ..fitted.clone()
+        };
+        fitted.inside.states = some(&fitted.inside.states, share);
+        fitted.outside.states = some(&fitted.outside.states, share);
+        (study, fitted)
     }
 
     /// Where each recording takes the hidden states of a model.

@@ -6,7 +6,9 @@
 //! body on a level rail, with reflected inertia where the body only slides along a level line, and with the mass scale that the model's
 //! `[tolerance]` leaves free: that one moves the rotational inertia in the same proportion.
 
-use super::{Action, Family, Inertial, Kind, ParameterSpec, Quantity, kind::from_zero};
+use super::{
+    Action, Family, Inertial, Kind, ParameterSpec, Quantity, inertial::PROBE, kind::from_zero,
+};
 
 /// The kind `added_mass`.
 pub static KIND: Kind = Kind {
@@ -21,5 +23,5 @@ pub static KIND: Kind = Kind {
     )],
     action: Action::Inertial(Inertial::PointMass),
     contains: &[],
-    probes: |scales, _| from_zero(0.02 * scales.mass),
+    probes: |scales, _| from_zero(PROBE * scales.mass),
 };

@@ -11,6 +11,9 @@ use crate::motion::{NotFree, check_free};
 
 /// A horizontal part of an axis below this counts as none.
 const VERTICAL: f64 = 1e-6;
+/// The share of an inertia by which a screen probes for more of it: what the free constants leave of a change that they imitate is far less
+/// than what of it is not linear, unless it is small.
+pub(super) const PROBE: f64 = 1e-4;
 
 /// An effect that adds to M, C and G.
 ///

@@ -7,7 +7,9 @@
 //! that the joint moves, but for the coupling to other coordinates and the weight; and with a smaller gain of the input where nothing
 //! else acts on the coordinate.
 
-use super::{Action, Family, Inertial, Kind, ParameterSpec, Quantity, kind::from_zero};
+use super::{
+    Action, Family, Inertial, Kind, ParameterSpec, Quantity, inertial::PROBE, kind::from_zero,
+};
 
 /// The kind `reflected_inertia`.
 pub static KIND: Kind = Kind {
@@ -22,5 +24,5 @@ pub static KIND: Kind = Kind {
     )],
     action: Action::Inertial(Inertial::Rotor),
     contains: &[],
-    probes: |scales, _| from_zero(0.02 * scales.mass),
+    probes: |scales, _| from_zero(PROBE * scales.mass),
 };

@@ -133,6 +133,10 @@ fn damped_step(
 
 /// The damping to start with, relative to the diagonal. What data hardly determine is left to the priors: it must not hold that back.
 const FIRST_DAMPING: f64 = 1e-6;
+/// The least damping after a step that raised the loss, how fast it grows from there, and how often one step is tried.
+const LEAST_AFTER: f64 = 1e-3;
+const HARDER: f64 = 30.0;
+const TRIALS: usize = 5;
 
 /// Fits θ_free and the initial states to the windows, from the model's θ and the states given.
 ///
@@ -196,7 +200,7 @@ pub fn fit(
         let (s, g) = problem.assemble(&theta, &reduced);
         let mut accepted = false;
         let before = loss;
-        for _ in 0..8 {
+        for _ in 0..TRIALS {
             let d = damped_step(&problem, &theta, &s, &g, damping);
             let mut trial = theta.clone();
             for (k, &i) in free.iter().enumerate() {
@@ -221,7 +225,7 @@ pub fn fit(
             if d.iter().all(|d| *d == 0.0) {
                 break;
             }
-            damping *= 10.0;
+            damping = (damping * HARDER).max(LEAST_AFTER);
         }
         let decrease = before - loss;
         let new_sigma = spread(channels, &now);
