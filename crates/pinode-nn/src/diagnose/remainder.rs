@@ -27,8 +27,8 @@ const RIDGE: f64 = 1e-3;
 const SPANNED: f64 = 1e-8;
 /// A law is there when it explains so many nats a sample of what it was not fitted to, and so many standard errors.
 const SIGNIFICANT: (f64, f64) = (0.05, 4.0);
-/// From so much on it is worth a search.
-const HINT: (f64, f64) = (0.02, 1.0);
+/// From so much on it is worth a search, where nothing was found before and where something was.
+const HINT: [(f64, f64); 2] = [(0.02, 1.0), (0.05, 2.0)];
 /// A law of the present is one of the past as well: it is taken for the past's only where that explains so many times what the present does.
 const OF_PAST: f64 = 1.3;
 /// What the input explains is the input's where it is so many times what the motion explains, which follows the input.
@@ -57,9 +57,9 @@ impl Remainder {
         self.exceeds(SIGNIFICANT)
     }
 
-    /// Whether it is worth a search, which counts by itself what it finds.
-    pub fn is_hint(&self) -> bool {
-        self.exceeds(HINT)
+    /// Whether it is worth a search, which counts by itself what it finds, the `first` one or one beside what was found.
+    pub fn is_hint(&self, first: bool) -> bool {
+        self.exceeds(HINT[usize::from(!first)])
     }
 
     fn exceeds(&self, (gain_per_sample, z): (f64, f64)) -> bool {

@@ -109,7 +109,7 @@ pub fn search(study: &Study, null: Fitted, seed: u64, report: Report) -> Search 
     }
     // What is found first may be a small part of what friction with a memory does.
     let simple = path.added.iter().all(|c| !is_second_choice(c.kind));
-    let left = path.current.hint(study);
+    let left = path.current.hint(study, false);
     let rubs = left.is_some_and(Remainder::may_be_friction);
     if !path.added.is_empty() && simple && rubs {
         report("asking for friction with a memory instead");
@@ -272,7 +272,7 @@ fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Rep
     };
     let samples = current.inside_scores.len() as f64 * samples_per_window(&current.inside);
     let per_sample = |s: &Screened| s.gain / samples;
-    let enough = match first || current.hint(study).is_some() {
+    let enough = match first || current.hint(study, first).is_some() {
         true => PROMISED.0,
         false => PROMISED.1,
     };
@@ -303,11 +303,11 @@ fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Rep
         let alike = lookalikes(study, current, &screen, &step.contenders, report);
         step.contenders.extend(alike);
         step.choose(study, current, seed);
-        if step.explains_more_than(step.best(current).hint(study)) {
+        if step.explains_more_than(step.best(current).hint(study, first)) {
             break;
         }
     }
-    if let Some(left) = step.best(current).hint(study).cloned() {
+    if let Some(left) = step.best(current).hint(study, first).cloned() {
         // Friction explains what nothing else does: beside a law that is accepted for what it explains it is asked in the end.
         let firm = step.accepted().is_some_and(|c| c.comparison.explains());
         let friction = !firm && left.may_be_friction();

@@ -99,15 +99,19 @@ impl Fitted {
         sum - self.inside.stretch - penalty
     }
 
-    /// What it leaves in the windows of `study`, where that may follow from anything; computed once.
-    pub fn hint(&self, study: &Study) -> Option<&Remainder> {
-        let left = self.left.get_or_init(|| remainder(study, self)).as_ref();
-        left.filter(|left| left.is_hint())
+    /// What it leaves in the windows of `study`, if that follows from anything; computed once.
+    fn remainder(&self, study: &Study) -> Option<&Remainder> {
+        self.left.get_or_init(|| remainder(study, self)).as_ref()
     }
 
-    /// The same, where it does beyond doubt.
+    /// What it leaves where that follows from something beyond doubt.
     pub fn left(&self, study: &Study) -> Option<&Remainder> {
-        self.hint(study).filter(|left| left.is_significant())
+        self.remainder(study).filter(|left| left.is_significant())
+    }
+
+    /// What it leaves where that is worth a search, the `first` one or one beside what was found.
+    pub fn hint(&self, study: &Study, first: bool) -> Option<&Remainder> {
+        self.remainder(study).filter(|left| left.is_hint(first))
     }
 
     /// Residual over sensor noise, one a channel: 1 where the model explains all.

@@ -7,8 +7,8 @@ use crate::effect::{MOST_STATES, MemoryForce, Scales, Seen};
 
 /// Longest step of a pass, in units of the fastest rate.
 const RESOLVED: f64 = 0.5;
-/// At most so many steps of a pass in one integration step of the model.
-const MOST_STEPS: usize = 256;
+/// At most so many steps of a pass in one integration step of the model; a state that is faster follows the motion.
+const MOST_STEPS: usize = 16;
 
 /// h along a recording.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -105,13 +105,17 @@ impl Hybrid {
                     };
                     let speed = ends(from).v.abs().max(ends(from + width).v.abs());
                     let rate = law.fastest(speed, f64::INFINITY, p);
-                    let steps = (duration * rate / RESOLVED).ceil();
-                    let steps = if steps.is_finite() { steps as usize } else { 1 };
-                    let steps = steps.clamp(1, MOST_STEPS);
+                    // Of no rate at all, infinitely many: it follows.
+                    let needed = (duration * rate / RESOLVED).ceil().max(1.0);
+                    let steps = needed.min(MOST_STEPS as f64) as usize;
+                    let follows = needed > steps as f64 && own.len() == 1;
                     for k in 0..steps {
                         let s = |x: f64| from + width * (k as f64 + x) / steps as f64;
                         let dt = duration / steps as f64;
-                        advance(law, &|x| ends(s(x)), p, smoothing, dt, h);
+                        match follows {
+                            true => follow(law, ends(s(0.5)), p, smoothing, dt, &mut h[0]),
+                            false => advance(law, &|x| ends(s(x)), p, smoothing, dt, h),
+                        }
                     }
                 }
                 let to = nh * (sample + 1) + own.start;
@@ -158,6 +162,34 @@ impl Hybrid {
     }
 }
 
+/// One step of the exponential Euler method of one state h, ḣ = r(h): h + r (e^{λ dt} − 1)/λ with λ = dr/dh, exact where r is linear in h. `seen`
+/// is the middle of the step.
+fn follow(
+    law: &dyn MemoryForce,
+    seen: Seen<'_, f64>,
+    p: &[f64],
+    smoothing: f64,
+    dt: f64,
+    h: &mut f64,
+) {
+    let rate = |h: f64| {
+        let mut rate = [0.0];
+        law.evaluate(&Seen { h: &[h], ..seen }, p, smoothing, &mut rate);
+        rate[0]
+    };
+    let there = rate(*h);
+    let nudge = 1e-6 * (h.abs() + there.abs() * dt);
+    let by_h = if nudge > 0.0 {
+        (rate(*h + nudge) - there) / nudge
+    } else {
+        0.0
+    };
+    *h += match by_h < 0.0 {
+        true => there * (by_h * dt).exp_m1() / by_h,
+        false => there * dt,
+    };
+}
+
 /// One step of classical Runge-Kutta of h; `seen` gives q, v and f at a fraction of the step.
 fn advance<'a>(
     law: &dyn MemoryForce,
@@ -186,5 +218,49 @@ fn advance<'a>(
     }
     for i in 0..n {
         h[i] += dt / 6.0 * sum[i];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use std::path::Path;
+
+    use super::*;
+    use crate::effect::registry;
+    use crate::hybrid::Placed;
+    use crate::model::Model;
+
+    /// Bristles that settle in a hundredth of an integration step stand where ż = 0: z = g(v) sgn(v)/σ₀.
+    #[test]
+    fn stiff_bristles_follow_the_motion() {
+        let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
+        let mut hybrid = Hybrid::of(&Model::load(&models.join("cartpole/cartpole.toml")).unwrap());
+        let placed = Placed {
+            kind: registry::find("lugre_friction").unwrap(),
+            target: 0,
+            smoothing: 0.01,
+        };
+        let (stiffness, coulomb, statics, slow) = (2e6, 0.3, 0.5, 0.1);
+        hybrid.add(placed, &[stiffness, 0.0, coulomb, statics, slow], false);
+        let theta = hybrid.theta();
+        let t: Vec<f64> = (0..200).map(|k| 0.02 * f64::from(k)).collect();
+        let inputs = hybrid.drive(&t, &[vec![0.0; 200]], 4, &theta, &[]);
+        let v = |k: usize| 0.4 * (3.0 * t[k]).sin();
+        let path = hybrid.hidden_path(&theta, &inputs, &|k| vec![0.0, 0.0, v(k), 0.0]);
+        let mut moving = 0;
+        for k in (1..200).filter(|&k| v(k).abs() > 0.1) {
+            // The last step saw the velocity of its middle, at most an integration step before.
+            let middle = |v: f64| coulomb + (statics - coulomb) * (-(v / slow).powi(2)).exp();
+            let expected = v(k).signum() / stiffness * middle(v(k) - 1e-3 * (v(k) - v(k - 1)));
+            let found = path.at(k)[0];
+            assert!(
+                (found / expected - 1.0).abs() < 0.03,
+                "{k}: {found:e} for {expected:e}"
+            );
+            moving += 1;
+        }
+        assert!(moving > 100);
     }
 }
