@@ -8,9 +8,9 @@ use std::process::Command;
 
 use serde_json::Value;
 
-use super::tests::{curves, diagnosis};
+use super::tests::{curves, diagnosis, unexplained};
 use super::*;
-use crate::diagnose::verdict::{ForceCurve, Memory, SharedSignal, Unexplained, Verdict};
+use crate::diagnose::verdict::Verdict;
 
 /// Before the page's own scripts: what they complain of is kept.
 const LISTEN: &str = r#"<script>
