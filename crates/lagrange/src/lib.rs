@@ -151,12 +151,13 @@ pub mod urdf;
 
 pub use dynamics::Dynamics;
 pub use equations::derivatives::{ForwardDynamicsDerivatives, InverseDynamicsDerivatives};
+pub use equations::eight::LaneFactor;
 pub use equations::gradient::{ForwardDynamicsGradient, InverseDynamicsGradient};
 pub use equations::{Linear, PowerBalance, Workspace};
 pub use error::{Error, Position, Problem, Problems};
 pub use expression::{Expression, ExpressionError, caret};
 pub use lagrangian::{Coordinate, Lagrangian, Parameter, Role};
-pub use lanes::LANES;
+pub use lanes::{LANES, Lanes};
 pub use mechanics::Mechanics;
 pub use scalar::Scalar;
 pub use text::{Field, TextLagrangian, TextProblem, TextSource};

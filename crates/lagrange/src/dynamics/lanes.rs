@@ -26,7 +26,13 @@ impl<L: Lagrangian> Dynamics<L> {
         let Some(programs) = self.program(quantity) else {
             return false;
         };
-        programs.lanes(quantity, at, eight.processor, &mut eight.registers, slots);
+        programs.lanes(
+            quantity,
+            at,
+            eight.factor.processor,
+            &mut eight.registers,
+            slots,
+        );
         true
     }
 
@@ -40,7 +46,7 @@ impl<L: Lagrangian> Dynamics<L> {
         out: &mut [Lane],
     ) {
         eight.grow(self.nv());
-        let mut mass = std::mem::take(&mut eight.mass);
+        let mut mass = std::mem::take(&mut eight.factor.entries);
         let mut bias = std::mem::take(&mut eight.force);
         let slots = mass.iter_mut().chain(&mut bias);
         let at = Arguments { q, v, p, a: &[] };
@@ -53,9 +59,9 @@ impl<L: Lagrangian> Dynamics<L> {
                 *out -= bias;
             }
         }
-        (eight.mass, eight.force) = (mass, bias);
-        eight.factorise();
-        eight.solve(out);
+        (eight.factor.entries, eight.force) = (mass, bias);
+        eight.factor.factorise();
+        eight.factor.solve(out);
     }
 
     /// Whether there is a way in lanes at all.
@@ -173,11 +179,11 @@ impl<L: Lagrangian> Dynamics<L> {
         (out.by_q, out.by_v, out.by_p) = (by_q, by_v, by_p);
         for by in [&mut out.by_q, &mut out.by_v, &mut out.by_p] {
             negate(by.as_mut_slice());
-            work.eight.solve(by.as_mut_slice());
+            work.eight.factor.solve(by.as_mut_slice());
         }
         out.by_force.fill([0.0; LANES]);
         out.by_force.fill_diagonal([1.0; LANES]);
-        work.eight.solve(out.by_force.as_mut_slice());
+        work.eight.factor.solve(out.by_force.as_mut_slice());
         self.accelerated((q, v), p, work, out.acceleration.as_slice())
     }
 
@@ -195,7 +201,7 @@ impl<L: Lagrangian> Dynamics<L> {
             let mut mass = std::mem::take(&mut work.lanes_matrix);
             mass.resize(self.nv() * self.nv(), [0.0; LANES]);
             self.mass_matrix_lanes_into(q, p, work, &mut mass);
-            let processor = work.eight.processor;
+            let processor = work.eight.factor.processor;
             let by = self.derivative_columns((q, v, a), p, &mut work.eight);
             let square = mass.len();
             let (by_q, by) = by.split_at(square);
@@ -235,7 +241,7 @@ impl<L: Lagrangian> Dynamics<L> {
         self.forward_dynamics_dense((q, v), p, work, &mut eight, a);
         // wᵀ ∂v̇/∂x = −λᵀ ∂Q/∂x at fixed v̇ and wᵀ ∂v̇/∂Q = λᵀ, with λ = M⁻¹ w.
         out.by_force.as_mut_slice().copy_from_slice(weight);
-        eight.solve(out.by_force.as_mut_slice());
+        eight.factor.solve(out.by_force.as_mut_slice());
         work.eight = eight;
         let mut inverse = InverseDynamicsGradient {
             by_q: std::mem::take(&mut out.by_q),

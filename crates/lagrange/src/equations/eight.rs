@@ -10,10 +10,9 @@ use crate::{Scalar, trace};
 /// Memory of calls for eight states that are not made joint by joint; grows when it is first asked for.
 #[derive(Debug, Clone)]
 pub(crate) struct Eight {
-    pub processor: Processor,
     pub registers: trace::LaneRegisters,
-    /// M, then its factor.
-    pub mass: Vec<[f64; LANES]>,
+    /// That of M.
+    pub factor: LaneFactor,
     pub force: Vec<[f64; LANES]>,
     /// Derivatives of which gradients are products.
     pub derivatives: Vec<[f64; LANES]>,
@@ -22,9 +21,8 @@ pub(crate) struct Eight {
 impl Default for Eight {
     fn default() -> Self {
         Eight {
-            processor: Processor::here(),
             registers: trace::LaneRegisters::default(),
-            mass: Vec::new(),
+            factor: LaneFactor::new(0),
             force: Vec::new(),
             derivatives: Vec::new(),
         }
@@ -34,20 +32,59 @@ impl Default for Eight {
 impl Eight {
     /// Room for M and the bias force.
     pub fn grow(&mut self, nv: usize) {
-        self.mass.resize(nv * nv, [0.0; LANES]);
+        self.factor.n = nv;
+        self.factor.entries.resize(nv * nv, [0.0; LANES]);
         self.force.resize(nv, [0.0; LANES]);
     }
+}
 
-    /// The factor of M, in place; NaN on its diagonal in the lanes in which M has no inverse.
+/// L D Lᵀ of eight symmetric positive definite matrices, in place of them: lane k of every entry is that of matrix k.
+///
+/// ```
+/// use lagrange::{LANES, LaneFactor};
+///
+/// // M = [2, 1; 1, 1 + k] for k = 0 … 7, and x with M x = (3, 2 + k).
+/// let k = std::array::from_fn(|k| k as f64);
+/// let mut factor = LaneFactor::new(2);
+/// let entries = [[2.0; LANES], [1.0; LANES], [1.0; LANES], k.map(|k| 1.0 + k)];
+/// factor.entries_mut().copy_from_slice(&entries);
+/// factor.factorise();
+/// let mut x = [[3.0; LANES], k.map(|k| 2.0 + k)];
+/// factor.solve(&mut x);
+/// assert!(x.as_flattened().iter().all(|x| (x - 1.0).abs() < 1e-14));
+/// ```
+#[derive(Debug, Clone)]
+pub struct LaneFactor {
+    pub(crate) processor: Processor,
+    n: usize,
+    /// The matrices, then their factors.
+    pub(crate) entries: Vec<[f64; LANES]>,
+}
+
+impl LaneFactor {
+    /// For matrices of `n` rows; zeros.
+    pub fn new(n: usize) -> Self {
+        LaneFactor {
+            processor: Processor::here(),
+            n,
+            entries: vec![[0.0; LANES]; n * n],
+        }
+    }
+
+    /// The matrices, column after column, both triangles: to be written before [`factorise`](Self::factorise).
+    pub fn entries_mut(&mut self) -> &mut [[f64; LANES]] {
+        &mut self.entries
+    }
+
+    /// The factors, in place; NaN on the diagonal in the lanes in which a matrix has no inverse.
     pub fn factorise(&mut self) {
-        let n = self.force.len();
-        let mass = &mut self.mass;
+        let (n, mass) = (self.n, &mut self.entries);
         self.processor.run(Factorise { n, mass });
     }
 
-    /// M⁻¹ times each column, in place, with the factor.
+    /// The inverse times each column, in place, after [`factorise`](Self::factorise).
     pub fn solve(&self, columns: &mut [[f64; LANES]]) {
-        let (n, factor) = (self.force.len(), &self.mass);
+        let (n, factor) = (self.n, &self.entries);
         self.processor.run(Solve { n, factor, columns });
     }
 }
@@ -158,27 +195,26 @@ mod tests {
         if i == j { 2.0 + off } else { off }
     }
 
-    fn eight(n: usize) -> Eight {
-        let mut eight = Eight::default();
-        eight.grow(n);
+    fn factor(n: usize) -> LaneFactor {
+        let mut factor = LaneFactor::new(n);
         for j in 0..n {
             for i in 0..n {
-                eight.mass[j * n + i] = std::array::from_fn(|k| mass(i, j, k));
+                factor.entries[j * n + i] = std::array::from_fn(|k| mass(i, j, k));
             }
         }
-        eight
+        factor
     }
 
     #[test]
     fn the_factor_of_eight_matrices_solves_for_two_columns() {
         let n = 5;
-        let mut eight = eight(n);
+        let mut factor = factor(n);
         let b: Vec<[f64; LANES]> = (0..2 * n)
             .map(|i| std::array::from_fn(|k| (i as f64 - 3.0) * (k as f64 + 0.5)))
             .collect();
         let mut x = b.clone();
-        eight.factorise();
-        eight.solve(&mut x);
+        factor.factorise();
+        factor.solve(&mut x);
         for c in 0..2 {
             for i in 0..n {
                 for k in 0..LANES {
@@ -192,18 +228,18 @@ mod tests {
     #[test]
     fn only_the_lanes_without_an_inverse_are_no_numbers() {
         let n = 3;
-        let mut eight = eight(n);
+        let mut factor = factor(n);
         // Rows 1 and 2 alike in lane 2, an infinite mass in lane 4, a negative one in lane 6.
         for (i, j) in [(1, 1), (1, 2), (2, 1), (2, 2)] {
-            eight.mass[j * n + i][2] = 2.0;
+            factor.entries[j * n + i][2] = 2.0;
         }
-        eight.mass[2][2] = eight.mass[1][2];
-        eight.mass[2 * n][2] = eight.mass[n][2];
-        eight.mass[n + 1][4] = f64::INFINITY;
-        eight.mass[0][6] = -1.0;
+        factor.entries[2][2] = factor.entries[1][2];
+        factor.entries[2 * n][2] = factor.entries[n][2];
+        factor.entries[n + 1][4] = f64::INFINITY;
+        factor.entries[0][6] = -1.0;
         let mut x = vec![[1.0; LANES]; n];
-        eight.factorise();
-        eight.solve(&mut x);
+        factor.factorise();
+        factor.solve(&mut x);
         for k in 0..LANES {
             let finite = x.iter().all(|x| x[k].is_finite());
             assert_eq!(finite, ![2, 4, 6].contains(&k), "lane {k}: {x:?}");

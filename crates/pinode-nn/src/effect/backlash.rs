@@ -23,21 +23,25 @@ const DAMPING: f64 = 0.7 * 400.0 * MOTOR;
 struct Backlash;
 
 /// ½ (x + √(x² + w²)): 0 below, x above, rounded over w.
+#[inline(always)]
 fn beyond<D: Scalar>(x: D, w: D) -> D {
     (x + (x * x + w * w).sqrt()) * 0.5
 }
 
 /// Its derivative in x.
+#[inline(always)]
 fn touching<D: Scalar>(x: D, w: D) -> D {
     (x / (x * x + w * w).sqrt() + 1.0) * 0.5
 }
 
 /// Over what way the corners at half the `gap` are rounded.
+#[inline(always)]
 fn rounding<D: Scalar>(gap: D) -> D {
     gap * 0.04 + 1e-9
 }
 
 /// T.
+#[inline(always)]
 fn pull<D: Scalar>(seen: &Seen<'_, D>, p: &[D]) -> D {
     let (gap, e) = (p[0] * 0.5, seen.h[0]);
     let w = rounding(gap);
@@ -56,9 +60,14 @@ impl MemoryLaw for Backlash {
     fn taken_from_joint(&self) -> Option<usize> {
         Some(INERTIA)
     }
+    fn takes_lanes(&self) -> bool {
+        true
+    }
+    #[inline(always)]
     fn force<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64) -> D {
         pull(seen, p)
     }
+    #[inline(always)]
     fn rate<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64, rate: &mut [D]) {
         rate[0] = seen.h[1] - seen.v;
         rate[1] = (seen.f - pull(seen, p)) / p[INERTIA];

@@ -14,9 +14,14 @@ impl MemoryLaw for Dahl {
     fn states(&self) -> usize {
         1
     }
+    fn takes_lanes(&self) -> bool {
+        true
+    }
+    #[inline(always)]
     fn force<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64) -> D {
         -p[0] * seen.h[0]
     }
+    #[inline(always)]
     fn rate<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64, rate: &mut [D]) {
         rate[0] = seen.v - p[0] * seen.h[0] * seen.v.abs() / p[1];
     }

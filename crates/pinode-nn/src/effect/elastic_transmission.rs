@@ -13,6 +13,7 @@ use super::{Action, Family, Kind, MemoryLaw, ParameterSpec, Probe, Quantity, See
 struct Elastic;
 
 /// T.
+#[inline(always)]
 fn pull<D: Scalar>(seen: &Seen<'_, D>, p: &[D]) -> D {
     p[0] * seen.h[0] + p[1] * (seen.h[1] - seen.v)
 }
@@ -21,9 +22,14 @@ impl MemoryLaw for Elastic {
     fn states(&self) -> usize {
         2
     }
+    fn takes_lanes(&self) -> bool {
+        true
+    }
+    #[inline(always)]
     fn force<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64) -> D {
         pull(seen, p)
     }
+    #[inline(always)]
     fn rate<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64, rate: &mut [D]) {
         rate[0] = seen.h[1] - seen.v;
         rate[1] = (seen.f - pull(seen, p)) / p[2];

@@ -13,19 +13,20 @@ impl MemoryLaw for Hysteresis {
     fn states(&self) -> usize {
         1
     }
+    fn takes_lanes(&self) -> bool {
+        true
+    }
+    #[inline(always)]
     fn force<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64) -> D {
         -p[0] * seen.h[0]
     }
+    #[inline(always)]
     fn rate<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64, rate: &mut [D]) {
-        let slips = seen.v.re() * seen.h[0].re() > 0.0;
-        rate[0] = match slips {
-            true => {
-                let r = seen.h[0] / p[1];
-                let r2 = r * r;
-                seen.v * (-r2 * r2 + 1.0)
-            }
-            false => seen.v,
-        };
+        // ½ (1 + sgn(v z)): 1 where it slips, 0 else, also at v z = 0.
+        let slips = (-(seen.v * seen.h[0])).sign() * -0.5 + 0.5;
+        let r = seen.h[0] / p[1];
+        let r2 = r * r;
+        rate[0] = seen.v * (-slips * r2 * r2 + 1.0);
     }
     fn start(&self, _v: f64, _f: f64, _p: &[f64], h: &mut [f64]) {
         h[0] = 0.0;

@@ -40,6 +40,7 @@ pub trait RigidStop: Send + Sync {
 }
 
 /// sgn(v) spread over `smoothing`: tanh(v / smoothing).
+#[inline(always)]
 pub fn smooth_sign<D: Scalar>(v: D, smoothing: f64) -> D {
     (v / smoothing).tanh()
 }

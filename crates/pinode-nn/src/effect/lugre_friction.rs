@@ -11,6 +11,7 @@ use super::{Action, Family, Kind, MemoryLaw, ParameterSpec, Probe, Quantity, See
 struct LuGre;
 
 /// ż.
+#[inline(always)]
 fn bristles<D: Scalar>(seen: &Seen<'_, D>, p: &[D]) -> D {
     let r = seen.v / p[4];
     let g = p[2] + (p[3] - p[2]) * (-r * r).exp();
@@ -21,9 +22,14 @@ impl MemoryLaw for LuGre {
     fn states(&self) -> usize {
         1
     }
+    fn takes_lanes(&self) -> bool {
+        true
+    }
+    #[inline(always)]
     fn force<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64) -> D {
         -p[0] * seen.h[0] - p[1] * bristles(seen, p)
     }
+    #[inline(always)]
     fn rate<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64, rate: &mut [D]) {
         rate[0] = bristles(seen, p);
     }

@@ -5,8 +5,11 @@
 //! h are the states of the effect, f the force of the inputs. On a joint, f is the sum of what the inputs put on it, which acts beside
 //! Q_j. A transmission stands between one input and its joint: f is the force of that input, which acts on the joint no more: Q_j does.
 
-use lagrange::Scalar;
+use lagrange::{LANES, Lanes, Scalar};
 use num_dual::DualSVec64;
+use pulp::{Arch, NullaryFnOnce};
+
+use super::dual::Dual;
 
 /// What a law with a memory sees of the world.
 #[derive(Debug, Clone, Copy)]
@@ -29,6 +32,12 @@ pub trait MemoryLaw: Send + Sync + 'static {
     /// Which parameter is an inertia that moves by itself and that the mechanism has in the joint: M_jj counts without it.
     fn taken_from_joint(&self) -> Option<usize> {
         None
+    }
+
+    /// Whether the law never decides by a number: it asks for no [`Scalar::re`], and calls no `min`, `max` or `pow`, which do. Such laws
+    /// are evaluated for eight states at once.
+    fn takes_lanes(&self) -> bool {
+        false
     }
 
     /// Q_j, N or N·m. `smoothing` is the velocity over which a sign change of friction is spread, m/s or rad/s.
@@ -66,6 +75,14 @@ pub trait MemoryForce: Send + Sync {
         smoothing: f64,
         out: &mut MemoryDerivatives,
     );
+    /// The same of eight states.
+    fn derivatives_of_eight(
+        &self,
+        seen: &Seen<'_, [f64; LANES]>,
+        p: &[f64],
+        smoothing: f64,
+        out: &mut MemoryDerivatives<[f64; LANES]>,
+    );
     /// See [`MemoryLaw::start`].
     fn start(&self, v: f64, f: f64, p: &[f64], h: &mut [f64]);
     /// See [`MemoryLaw::spread`].
@@ -84,52 +101,63 @@ pub(super) const MOST_PARAMETERS: usize = 8;
 const ROWS: usize = 1 + MOST_STATES;
 const COLUMNS: usize = 3 + MOST_STATES + MOST_PARAMETERS;
 
-/// Values and derivatives of a [`MemoryForce`]: row 0 is Q_j, row 1 + i is ḣ_i.
+/// Values and derivatives of a [`MemoryForce`]: row 0 is Q_j, row 1 + i is ḣ_i. Entries are numbers, or `[f64; LANES]` for eight states.
 #[derive(Debug, Clone, PartialEq)]
-pub struct MemoryDerivatives {
+pub struct MemoryDerivatives<T = f64> {
     states: usize,
-    value: [f64; ROWS],
-    by: [[f64; COLUMNS]; ROWS],
+    value: [T; ROWS],
+    by: [[T; COLUMNS]; ROWS],
 }
 
 impl Default for MemoryDerivatives {
     fn default() -> Self {
-        MemoryDerivatives {
-            states: 0,
-            value: [0.0; ROWS],
-            by: [[0.0; COLUMNS]; ROWS],
-        }
+        Self::filled(0.0)
     }
 }
 
-impl MemoryDerivatives {
+impl Default for MemoryDerivatives<[f64; LANES]> {
+    fn default() -> Self {
+        Self::filled([0.0; LANES])
+    }
+}
+
+impl<T: Copy> MemoryDerivatives<T> {
+    fn filled(zero: T) -> Self {
+        MemoryDerivatives {
+            states: 0,
+            value: [zero; ROWS],
+            by: [[zero; COLUMNS]; ROWS],
+        }
+    }
+
     /// Q_j for row 0, ḣ_i for row 1 + i.
-    pub fn value(&self, row: usize) -> f64 {
+    pub fn value(&self, row: usize) -> T {
         self.value[row]
     }
     /// By q_j.
-    pub fn by_q(&self, row: usize) -> f64 {
+    pub fn by_q(&self, row: usize) -> T {
         self.by[row][0]
     }
     /// By v_j.
-    pub fn by_v(&self, row: usize) -> f64 {
+    pub fn by_v(&self, row: usize) -> T {
         self.by[row][1]
     }
     /// By f.
-    pub fn by_f(&self, row: usize) -> f64 {
+    pub fn by_f(&self, row: usize) -> T {
         self.by[row][2]
     }
     /// By each of h.
-    pub fn by_h(&self, row: usize) -> &[f64] {
+    pub fn by_h(&self, row: usize) -> &[T] {
         &self.by[row][3..3 + self.states]
     }
     /// By each parameter.
-    pub fn by_p(&self, row: usize) -> &[f64] {
+    pub fn by_p(&self, row: usize) -> &[T] {
         &self.by[row][3 + self.states..]
     }
 }
 
 /// Splits q, v, f, h … and p … into what a law takes.
+#[inline(always)]
 fn call<L: MemoryLaw, D: Scalar>(law: &L, arguments: &[D], smoothing: f64, rate: &mut [D]) -> D {
     let states = law.states();
     let (h, p) = arguments[3..].split_at(states);
@@ -174,6 +202,81 @@ fn gradients<L: MemoryLaw, const N: usize>(
     }
 }
 
+/// [`gradients`] of eight states, by numbers with as many lanes.
+struct GradientsOfEight<'a, L, const N: usize> {
+    law: &'a L,
+    seen: &'a Seen<'a, [f64; LANES]>,
+    p: &'a [f64],
+    smoothing: f64,
+    out: &'a mut MemoryDerivatives<[f64; LANES]>,
+}
+
+impl<L: MemoryLaw, const N: usize> NullaryFnOnce for GradientsOfEight<'_, L, N> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        type Number<const N: usize> = Dual<Lanes<false>, N>;
+        let GradientsOfEight {
+            law,
+            seen,
+            p,
+            smoothing,
+            out,
+        } = self;
+        let states = law.states();
+        let columns = 3 + states + p.len();
+        let mut arguments = [Number::<N>::zero(); COLUMNS];
+        let values = [seen.q, seen.v, seen.f].into_iter();
+        let values = values.chain(seen.h.iter().copied());
+        let values = values.chain(p.iter().map(|p| [*p; LANES]));
+        for (column, (argument, value)) in arguments.iter_mut().zip(values).enumerate() {
+            *argument = Dual::variable(Lanes(value), column);
+        }
+        let mut rate = [Number::<N>::zero(); MOST_STATES];
+        let force = call(law, &arguments[..columns], smoothing, &mut rate);
+        out.states = states;
+        for (row, dual) in std::iter::once(&force).chain(&rate[..states]).enumerate() {
+            out.value[row] = dual.re.0;
+            for (to, by) in out.by[row].iter_mut().zip(dual.eps.iter().take(columns)) {
+                *to = by.0;
+            }
+        }
+    }
+}
+
+/// One state after the other.
+fn gradients_one_by_one<L: MemoryLaw>(
+    law: &WithMemory<L>,
+    seen: &Seen<'_, [f64; LANES]>,
+    p: &[f64],
+    smoothing: f64,
+    out: &mut MemoryDerivatives<[f64; LANES]>,
+) {
+    let mut one = MemoryDerivatives::default();
+    for lane in 0..LANES {
+        let mut h = [0.0; MOST_STATES];
+        for (to, from) in h.iter_mut().zip(seen.h) {
+            *to = from[lane];
+        }
+        let here = Seen {
+            q: seen.q[lane],
+            v: seen.v[lane],
+            f: seen.f[lane],
+            h: &h[..seen.h.len()],
+        };
+        law.derivatives(&here, p, smoothing, &mut one);
+        out.states = one.states;
+        for (to, from) in out.value.iter_mut().zip(one.value) {
+            to[lane] = from;
+        }
+        let to = out.by.as_flattened_mut().iter_mut();
+        for (to, from) in to.zip(one.by.as_flattened()) {
+            to[lane] = *from;
+        }
+    }
+}
+
 impl<L: MemoryLaw> MemoryForce for WithMemory<L> {
     fn states(&self) -> usize {
         self.0.states()
@@ -201,6 +304,35 @@ impl<L: MemoryLaw> MemoryForce for WithMemory<L> {
             7..=8 => gradients::<L, 8>(&self.0, seen, p, smoothing, out),
             9..=10 => gradients::<L, 10>(&self.0, seen, p, smoothing, out),
             _ => gradients::<L, COLUMNS>(&self.0, seen, p, smoothing, out),
+        }
+    }
+
+    fn derivatives_of_eight(
+        &self,
+        seen: &Seen<'_, [f64; LANES]>,
+        p: &[f64],
+        smoothing: f64,
+        out: &mut MemoryDerivatives<[f64; LANES]>,
+    ) {
+        if !self.0.takes_lanes() {
+            return gradients_one_by_one(self, seen, p, smoothing, out);
+        }
+        macro_rules! by {
+            ($n:expr) => {
+                Arch::new().dispatch(GradientsOfEight::<L, $n> {
+                    law: &self.0,
+                    seen,
+                    p,
+                    smoothing,
+                    out,
+                })
+            };
+        }
+        match 3 + self.0.states() + p.len() {
+            0..=6 => by!(6),
+            7..=8 => by!(8),
+            9..=10 => by!(10),
+            _ => by!(COLUMNS),
         }
     }
 

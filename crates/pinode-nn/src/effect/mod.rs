@@ -14,6 +14,7 @@
 mod between;
 mod distortion;
 mod drive;
+mod dual;
 mod inertial;
 mod joint_force;
 mod kind;

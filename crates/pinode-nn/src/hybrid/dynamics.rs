@@ -3,7 +3,7 @@
 use lagrange::{ForwardDynamicsDerivatives, ForwardDynamicsGradient, Workspace};
 use nalgebra::{DMatrix, DVector};
 
-use super::extra::ExtraMemory;
+use super::extra::{ExtraMemory, RowMemory};
 use super::forces::{By, Of};
 use super::{DrivenInputs, Hybrid, State};
 use crate::effect::MemoryDerivatives;
@@ -25,10 +25,11 @@ impl Hybrid {
             rates: DVector::zeros(nh),
             driven: DVector::zeros(n),
             bias: DVector::zeros(n),
-            extra: self
+            extra: self.extra.as_ref().map(|e| e.memory(n, mechanics.len())),
+            extra_row: self
                 .extra
                 .as_ref()
-                .map(|e| e.memory(n, self.mechanics_range().len(), mechanics.len())),
+                .map(|e| e.row_memory(n, self.mechanics_range().len())),
             by: ForwardDynamicsDerivatives::zeros(n, mechanics.len()),
             mechanics,
             forces: DMatrix::zeros(n, columns),
@@ -61,7 +62,8 @@ impl Hybrid {
         match (&self.extra, extra) {
             (Some(added), Some(memory)) => {
                 let mechanics = (self.mechanics(), p);
-                added.forward_dynamics(mechanics, state, theta, work, memory, acceleration)
+                let (state, out) = ((state.q, state.v), acceleration.as_mut_slice());
+                added.forward_dynamics(mechanics, state, theta, work, memory, out)
             }
             _ => self
                 .mechanics
@@ -133,9 +135,9 @@ impl Hybrid {
         match (&self.extra, &mut memory.extra) {
             (Some(added), Some(room)) => added.derivatives(
                 (&*self.mechanics, p),
-                state,
+                (state.q, state.v),
                 theta,
-                &memory.acceleration,
+                memory.acceleration.as_slice(),
                 &memory.mechanics,
                 &mut memory.work,
                 room,
@@ -221,15 +223,15 @@ impl Hybrid {
         let (of_v, of_h) = weight.split_at(self.nv());
         let p = &theta[self.mechanics_range()];
         let by = &mut memory.gradient;
-        match (&self.extra, &mut memory.extra) {
-            (Some(added), Some(room)) => added.gradient(
+        match (&self.extra, &mut memory.extra, &mut memory.extra_row) {
+            (Some(added), Some(room), Some(rows)) => added.gradient(
                 (&*self.mechanics, p),
                 state,
                 theta,
-                &memory.acceleration,
+                memory.acceleration.as_slice(),
                 of_v,
                 &mut memory.work,
-                room,
+                (room, rows),
                 by,
             )?,
             _ => self.mechanics.forward_dynamics_gradient_into(
@@ -251,8 +253,8 @@ impl Hybrid {
         for &index in &memory.mechanics {
             add_to_theta(index, by.by_p[index]);
         }
-        if let (Some(added), Some(room)) = (&self.extra, &memory.extra) {
-            for (&index, of_slot) in added.parameters.iter().zip(&room.of_slots) {
+        if let (Some(added), Some(rows)) = (&self.extra, &memory.extra_row) {
+            for (&index, of_slot) in added.parameters.iter().zip(&rows.of_slots) {
                 add_to_theta(index, -of_slot);
             }
         }
@@ -294,6 +296,7 @@ pub struct Memory {
     pub(super) bias: DVector<f64>,
     /// What the effects that change the mechanics need.
     pub(super) extra: Option<ExtraMemory>,
+    extra_row: Option<RowMemory>,
     by: ForwardDynamicsDerivatives,
     /// ∂Q/∂(q, v, h, θ_free) of inputs and effects.
     forces: DMatrix<f64>,

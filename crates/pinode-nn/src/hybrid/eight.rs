@@ -3,9 +3,10 @@
 use lagrange::{Error, ForwardDynamicsDerivatives, LANES};
 use pulp::{Arch, NullaryFnOnce};
 
+use super::extra::ExtraMemory;
 use super::forces::{By, Of};
-use super::{DrivenInputs, Hybrid, Memory};
-use crate::effect::Action;
+use super::{DrivenInputs, Hybrid, Memory, Placed};
+use crate::effect::{Action, MemoryDerivatives, Seen};
 use crate::entries::Start;
 
 /// One number of each of eight states.
@@ -22,10 +23,13 @@ pub(crate) struct Eight<'a> {
 
 /// Memory of one thread for one set of free constants.
 pub(crate) struct EightMemory {
-    /// That of one state, for what is done state by state.
+    /// That of one state, for what is done state by state, and the memory of the mechanics.
     one: Memory,
     /// One state.
     state: Vec<f64>,
+    /// Forces of the inputs that act on the coordinates themselves.
+    driven: Vec<Lane>,
+    with_memory: Box<MemoryDerivatives<Lane>>,
     /// For every entry of θ its column among (q, v, h, θ_free).
     columns: Vec<Option<usize>>,
     /// Q.
@@ -35,6 +39,8 @@ pub(crate) struct EightMemory {
     /// ∂Q_j/∂p of one effect.
     by_parameter: Vec<Lane>,
     by: ForwardDynamicsDerivatives<Lane>,
+    /// What the effects that change the mechanics need.
+    extra: Option<ExtraMemory<Lane>>,
     arch: Arch,
     /// (v̇, ḣ) of the last call.
     pub rates: Vec<Lane>,
@@ -52,11 +58,17 @@ impl Hybrid {
         let zeros = |n: usize| vec![[0.0; LANES]; n];
         EightMemory {
             state: vec![0.0; self.nx()],
+            driven: zeros(n),
+            with_memory: Box::default(),
             columns: (0..self.constants.len()).map(place).collect(),
             force: zeros(n),
             forces: zeros(n * count),
             by_parameter: zeros(one.by_parameter.len()),
             by: ForwardDynamicsDerivatives::lanes(n, one.mechanics.len()),
+            extra: self
+                .extra
+                .as_ref()
+                .map(|e| e.memory(n, one.mechanics.len())),
             arch: Arch::new(),
             rates: zeros(n + nh),
             linear: zeros((n + nh) * count),
@@ -64,46 +76,41 @@ impl Hybrid {
         }
     }
 
-    /// As [`linearize`](Self::linearize), of eight states; left in `memory.rates` and `memory.linear`. The mechanics takes them all at
-    /// once, the effects one after the other. An error is that of any of the eight.
+    /// As [`linearize`](Self::linearize), of eight states; left in `memory.rates` and `memory.linear`. An error is that of any of the
+    /// eight.
     pub(crate) fn linearize_eight(
         &self,
         x: &[Lane],
         theta: &[f64],
-        free: &[usize],
         at: &Eight<'_>,
         memory: &mut EightMemory,
     ) -> Result<(), Error> {
-        if self.extra.is_some() {
-            return self.linearize_one_by_one(x, theta, free, at, memory);
-        }
         let (n, nq) = (self.nv(), self.nq());
         let below = n + self.nh();
         let EightMemory {
             one,
-            state,
+            driven,
+            with_memory,
             columns,
             force,
             forces,
             by_parameter,
             by,
+            extra,
             arch,
             rates,
             linear,
+            ..
         } = memory;
-        for lanes in [&mut *force, &mut *forces, &mut *rates, &mut *linear] {
+        for lanes in [&mut *forces, &mut *rates, &mut *linear] {
             lanes.fill([0.0; LANES]);
         }
-        for (lane, (inputs, step)) in at.inputs.iter().zip(at.steps).enumerate() {
-            for (signal, v) in self.direct(inputs) {
-                force[v][lane] += signal.value[step];
-                for (index, derivative) in &signal.by_parameter {
-                    if let Some(column) = columns[*index] {
-                        forces[column * n + v][lane] += derivative[step];
-                    }
-                }
+        self.drive_eight(at, driven, |index, v, lane, derivative| {
+            if let Some(column) = columns[index] {
+                forces[column * n + v][lane] += derivative;
             }
-        }
+        });
+        force.copy_from_slice(driven);
         for (index, effect) in self.effects.iter().enumerate() {
             if let Action::Joint(law) = effect.kind.action {
                 let range = self.ranges[index].clone();
@@ -120,44 +127,74 @@ impl Hybrid {
                         add(&mut forces[column * n + v], by);
                     }
                 }
-            } else if effect.kind.memory().is_some() {
-                for lane in 0..LANES {
-                    take(state, x, lane);
-                    let (inputs, step) = (at.inputs[lane], at.steps[lane]);
-                    self.drive_directly(inputs, step, &mut one.driven);
-                    let at = (self.parts(state), theta, inputs, step);
-                    let room = &mut *one.with_memory;
-                    self.memory_parts(index, at, &one.driven, room, |of, by, part| {
-                        let column = match by {
-                            By::Value => match of {
-                                Of::Force(i) => return force[i][lane] += part,
-                                Of::Rate(k) => return rates[n + k][lane] += part,
-                            },
-                            By::Position(i) => Some(i),
-                            By::Velocity(i) => Some(n + i),
-                            By::State(k) => Some(2 * n + k),
-                            By::Constant(index) => columns[index],
-                        };
-                        let Some(column) = column else {
+            } else if let Some(law) = effect.kind.memory() {
+                let (start, f) = self.forces_seen(index, at, driven);
+                let own = self.state_ranges[index].clone();
+                let seen = Seen {
+                    q: x[start.q],
+                    v: x[nq + start.v],
+                    f,
+                    h: &x[nq + n..][own],
+                };
+                let p = &theta[self.ranges[index].clone()];
+                let smoothing = effect.smoothing * self.smoothing_scale;
+                law.derivatives_of_eight(&seen, p, smoothing, with_memory);
+                self.memory_parts(index, start, with_memory, |of, by, part| {
+                    let column = match by {
+                        By::Value => match of {
+                            Of::Force(i) => return add(&mut force[i], &part),
+                            Of::Rate(k) => return add(&mut rates[n + k], &part),
+                        },
+                        By::Position(i) => Some(i),
+                        By::Velocity(i) => Some(n + i),
+                        By::State(k) => Some(2 * n + k),
+                        By::Constant(index) => columns[index],
+                    };
+                    match (of, column) {
+                        (_, None) => {}
+                        (Of::Force(i), Some(column)) => add(&mut forces[column * n + i], &part),
+                        (Of::Rate(k), Some(column)) => {
+                            add(&mut linear[column * below + n + k], &part);
+                        }
+                    }
+                });
+                for (lane, (inputs, step)) in at.inputs.iter().zip(at.steps).enumerate() {
+                    self.input_parts(index, inputs, step, |entry, derivative| {
+                        let Some(column) = columns[entry] else {
                             return;
                         };
-                        match of {
-                            Of::Force(i) => forces[column * n + i][lane] += part,
-                            Of::Rate(k) => linear[column * below + n + k][lane] += part,
+                        for (row, of) in self.rows(index, start).enumerate() {
+                            let part = with_memory.by_f(row)[lane] * derivative;
+                            match of {
+                                Of::Force(i) => forces[column * n + i][lane] += part,
+                                Of::Rate(k) => linear[column * below + n + k][lane] += part,
+                            }
                         }
                     });
                 }
             }
         }
-        self.mechanics.forward_dynamics_derivatives_lanes_into(
-            &x[..nq],
-            &x[nq..nq + n],
-            force,
-            &theta[self.mechanics_range()],
-            &one.mechanics,
-            &mut one.work,
-            by,
-        )?;
+        let (q, v) = (&x[..nq], &x[nq..nq + n]);
+        let (p, selected) = (&theta[self.mechanics_range()], &one.mechanics);
+        let work = &mut one.work;
+        match (&self.extra, extra) {
+            (Some(added), Some(room)) => {
+                let whole = (&*self.mechanics, p);
+                added.derivatives(whole, (q, v), theta, force, selected, work, room, by)?;
+                // ∂v̇/∂p = −M⁻¹ ∂ID/∂p.
+                let slots = room.by_slot.as_slice().chunks_exact(n);
+                for (&index, by_slot) in added.parameters.iter().zip(slots) {
+                    if let Some(column) = columns[index] {
+                        for (to, from) in forces[column * n..].iter_mut().zip(by_slot) {
+                            to.iter_mut().zip(from).for_each(|(to, from)| *to -= from);
+                        }
+                    }
+                }
+            }
+            _ => self
+                .mechanics
+                .forward_dynamics_derivatives_lanes_into(q, v, force, p, selected, work, by)?,
+        }
         rates[..n].copy_from_slice(by.acceleration.as_slice());
         let by_force = by.by_force.as_slice();
         arch.dispatch(Chained {
@@ -189,52 +226,62 @@ impl Hybrid {
     ) -> Result<(), Error> {
         let (n, nq) = (self.nv(), self.nq());
         let EightMemory {
-            one, state, rates, ..
-        } = memory;
-        for lane in 0..LANES {
-            take(state, x, lane);
-            let (inputs, step) = (at.inputs[lane], at.steps[lane]);
-            match self.extra {
-                Some(_) => self.acceleration(self.parts(state), theta, inputs, step, one)?,
-                None => self.load(self.parts(state), theta, inputs, step, one),
-            }
-            put(rates, one.acceleration.iter().chain(one.rates.iter()), lane);
-        }
-        if self.extra.is_some() {
-            return Ok(());
-        }
-        self.mechanics.forward_dynamics_lanes_into(
-            &x[..nq],
-            &x[nq..nq + n],
-            &theta[self.mechanics_range()],
-            &mut one.work,
-            &mut rates[..n],
-        )
-    }
-
-    fn linearize_one_by_one(
-        &self,
-        x: &[Lane],
-        theta: &[f64],
-        free: &[usize],
-        at: &Eight<'_>,
-        memory: &mut EightMemory,
-    ) -> Result<(), Error> {
-        let EightMemory {
             one,
             state,
+            extra,
             rates,
-            linear,
             ..
         } = memory;
         for lane in 0..LANES {
             take(state, x, lane);
             let (inputs, step) = (at.inputs[lane], at.steps[lane]);
-            self.linearize(self.parts(state), theta, free, inputs, step, one)?;
+            self.load(self.parts(state), theta, inputs, step, one);
             put(rates, one.acceleration.iter().chain(one.rates.iter()), lane);
-            put(linear, one.linear.iter(), lane);
         }
-        Ok(())
+        let (q, v) = (&x[..nq], &x[nq..nq + n]);
+        let (p, work, out) = (
+            &theta[self.mechanics_range()],
+            &mut one.work,
+            &mut rates[..n],
+        );
+        match (&self.extra, extra) {
+            (Some(added), Some(room)) => {
+                added.forward_dynamics((&*self.mechanics, p), (q, v), theta, work, room, out)
+            }
+            _ => self
+                .mechanics
+                .forward_dynamics_lanes_into(q, v, p, work, out),
+        }
+    }
+
+    /// Forces of the inputs that act on the coordinates themselves, into `driven`; to `add`, for every entry of θ that one depends on, the
+    /// entry, that of v, the lane and the derivative.
+    fn drive_eight(
+        &self,
+        at: &Eight<'_>,
+        driven: &mut [Lane],
+        mut add: impl FnMut(usize, usize, usize, f64),
+    ) {
+        driven.fill([0.0; LANES]);
+        for (lane, (inputs, step)) in at.inputs.iter().zip(at.steps).enumerate() {
+            for (signal, v) in self.direct(inputs) {
+                driven[v][lane] += signal.value[step];
+                for (index, derivative) in &signal.by_parameter {
+                    add(*index, v, lane, derivative[step]);
+                }
+            }
+        }
+    }
+
+    /// As [`force_seen`](Self::force_seen), of eight states.
+    fn forces_seen(&self, index: usize, at: &Eight<'_>, driven: &[Lane]) -> (Start, Lane) {
+        let Placed { kind, target, .. } = self.effects[index];
+        let start = self.starts[self.coordinate_of(kind, target)];
+        let of_input = |lane: usize| at.inputs[lane].forces[target].value[at.steps[lane]];
+        match kind.is_transmission() {
+            true => (start, std::array::from_fn(of_input)),
+            false => (start, driven[start.v]),
+        }
     }
 }
 

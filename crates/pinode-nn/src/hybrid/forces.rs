@@ -209,46 +209,58 @@ impl Hybrid {
                 for (index, derivative) in range.zip(by_p) {
                     add(Of::Force(v), By::Constant(index), *derivative);
                 }
-            } else if effect.kind.memory().is_some() {
-                let at = (state, theta, inputs, step);
-                self.memory_parts(index, at, driven, with_memory, &mut add);
+            } else if let Some(law) = effect.kind.memory() {
+                let (at, seen, _) = self.seen(index, state, inputs, step, driven);
+                law.derivatives(&seen, p, smoothing, with_memory);
+                self.memory_parts(index, at, with_memory, &mut add);
+                self.input_parts(index, inputs, step, |k, derivative| {
+                    for (row, of) in self.rows(index, at).enumerate() {
+                        let part = with_memory.by_f(row) * derivative;
+                        add(of, By::Constant(k), part);
+                    }
+                });
             }
         }
     }
 
-    /// The parts of effect `index`, one with a memory.
-    pub(super) fn memory_parts(
+    /// What the rows of the derivatives of effect `index` are of, one with a memory that acts at `at`.
+    pub(super) fn rows(&self, index: usize, at: Start) -> impl Iterator<Item = Of> {
+        let rates = self.state_ranges[index].clone().map(Of::Rate);
+        std::iter::once(Of::Force(at.v)).chain(rates)
+    }
+
+    /// The parts of effect `index`, one with a memory that acts at `at`, but for what it hands on of the inputs.
+    pub(super) fn memory_parts<T: Copy>(
         &self,
         index: usize,
-        (state, theta, inputs, step): At<'_>,
-        driven: &DVector<f64>,
-        with_memory: &mut MemoryDerivatives,
-        mut add: impl FnMut(Of, By, f64),
+        at: Start,
+        d: &MemoryDerivatives<T>,
+        mut add: impl FnMut(Of, By, T),
     ) {
-        let effect = &self.effects[index];
-        let Some(law) = effect.kind.memory() else {
-            return;
-        };
-        let range = self.ranges[index].clone();
-        let smoothing = effect.smoothing * self.smoothing_scale;
-        let (at, seen, states) = self.seen(index, state, inputs, step, driven);
-        let d = with_memory;
-        law.derivatives(&seen, &theta[range.clone()], smoothing, d);
-        let rates = states.clone().map(Of::Rate);
-        for (row, of) in std::iter::once(Of::Force(at.v)).chain(rates).enumerate() {
+        for (row, of) in self.rows(index, at).enumerate() {
             add(of, By::Value, d.value(row));
             add(of, By::Position(at.v), d.by_q(row));
             add(of, By::Velocity(at.v), d.by_v(row));
-            for (k, &derivative) in states.clone().zip(d.by_h(row)) {
+            for (k, &derivative) in self.state_ranges[index].clone().zip(d.by_h(row)) {
                 add(of, By::State(k), derivative);
             }
-            for (index, &derivative) in range.clone().zip(d.by_p(row)) {
+            for (index, &derivative) in self.ranges[index].clone().zip(d.by_p(row)) {
                 add(of, By::Constant(index), derivative);
             }
-            for signal in self.sources(index, inputs) {
-                for (index, derivative) in &signal.by_parameter {
-                    add(of, By::Constant(*index), d.by_f(row) * derivative[step]);
-                }
+        }
+    }
+
+    /// The derivatives in entries of θ of the force f that effect `index` sees, one with a memory.
+    pub(super) fn input_parts(
+        &self,
+        index: usize,
+        inputs: &DrivenInputs,
+        step: usize,
+        mut add: impl FnMut(usize, f64),
+    ) {
+        for signal in self.sources(index, inputs) {
+            for (index, derivative) in &signal.by_parameter {
+                add(*index, derivative[step]);
             }
         }
     }

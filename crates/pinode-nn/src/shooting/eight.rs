@@ -148,10 +148,7 @@ impl<'a> EightRoller<'a> {
         let (n, nx) = (self.hybrid.nv(), self.hybrid.nx());
         let (memory, x) = (&mut self.memory, &self.point[..nx]);
         let found = match self.point.len() > nx {
-            true => {
-                let (hybrid, free) = (self.hybrid, self.free);
-                hybrid.linearize_eight(x, theta, free, at, memory)
-            }
+            true => self.hybrid.linearize_eight(x, theta, at, memory),
             false => self.hybrid.accelerate_eight(x, theta, at, memory),
         };
         found.map_err(Diverged::Dynamics)?;
@@ -286,18 +283,18 @@ mod tests {
     use crate::hybrid::Placed;
     use crate::model::Model;
 
-    /// The cart-pole with its known friction and one more effect.
-    fn cart_pole_with(kind: &str, target: usize, values: &[f64]) -> Hybrid {
+    /// The cart-pole with its known friction and more effects: kind, target and parameters of each.
+    fn cart_pole_with(effects: &[(&str, usize, &[f64])]) -> Hybrid {
         let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
         let mut hybrid = Hybrid::of(&Model::load(&models.join("cartpole/cartpole.toml")).unwrap());
-        let kind = registry::find(kind).unwrap();
-        let smoothing = 0.01;
-        let placed = Placed {
-            kind,
-            target,
-            smoothing,
-        };
-        hybrid.add(placed, values, false);
+        for &(kind, target, values) in effects {
+            let placed = Placed {
+                kind: registry::find(kind).unwrap(),
+                target,
+                smoothing: 0.01,
+            };
+            hybrid.add(placed, values, false);
+        }
         hybrid
     }
 
@@ -363,23 +360,83 @@ mod tests {
 
     #[test]
     fn eight_windows_at_once_are_the_same_windows_one_by_one() {
-        for (kind, target, values) in [
-            ("coulomb_friction", 1, vec![0.01]),
-            ("input_gain_error", 0, vec![0.9]),
-            ("lugre_friction", 1, vec![0.01, 0.02, 0.1, 5.0, 0.01]),
-            ("added_mass", 1, vec![0.05]),
-        ] {
-            let hybrid = cart_pole_with(kind, target, &values);
+        let link = |name: &str| {
+            let hybrid = cart_pole_with(&[]);
+            let links = hybrid.links().iter();
+            let index = links.clone().position(|link| link.name == name);
+            index.unwrap_or_else(|| panic!("{name} is none of {:?}", hybrid.links()))
+        };
+        let pole = link("pole");
+        let coulomb = ("coulomb_friction", 1, &[0.01][..]);
+        let gain = ("input_gain_error", 0, &[0.9][..]);
+        let lugre = ("lugre_friction", 1, &[0.01, 0.02, 0.1, 5.0, 0.01][..]);
+        let dahl = ("dahl_friction", 1, &[0.2, 0.02][..]);
+        let hysteresis = ("hysteresis", 0, &[3.0, 0.05][..]);
+        let load = ("load_dependent_friction", 0, &[0.1][..]);
+        let cart_mass = ("added_mass", link("cart"), &[0.05][..]);
+        let pole_mass = ("added_mass", pole, &[0.02][..]);
+        let rotor = ("reflected_inertia", 1, &[0.002][..]);
+        let tilt = ("gravity_tilt", 0, &[0.03][..]);
+        let elastic = ("elastic_transmission", 0, &[800.0, 1.0, 0.1][..]);
+        let backlash = ("backlash", 0, &[0.004, 800.0, 2.0, 0.1][..]);
+        let sets: [&[(&str, usize, &[f64])]; 16] = [
+            &[coulomb],
+            &[gain],
+            &[lugre],
+            &[dahl],
+            &[hysteresis],
+            &[load],
+            &[cart_mass],
+            &[pole_mass],
+            &[rotor],
+            &[tilt],
+            &[elastic],
+            &[backlash],
+            &[pole_mass, tilt],
+            &[rotor, hysteresis],
+            &[backlash, pole_mass],
+            &[gain, load, dahl],
+        ];
+        for effects in sets {
+            let hybrid = cart_pole_with(effects);
             for windows in [8, 3] {
                 let distance = distance(&hybrid, windows);
-                assert!(distance < 1e-9, "{kind}, {windows}: {distance:e}");
+                assert!(distance < 1e-9, "{effects:?}, {windows}: {distance:e}");
             }
         }
     }
 
     #[test]
+    fn eight_states_without_an_acceleration_are_an_error() {
+        // No inertia is left of the cart's once its motor takes more than there is.
+        let hybrid = cart_pole_with(&[("backlash", 0, &[0.004, 800.0, 2.0, 100.0])]);
+        let (theta, free) = (hybrid.theta(), hybrid.free());
+        let t: Vec<f64> = (0..4).map(|k| f64::from(k) * 0.02).collect();
+        let inputs = hybrid.drive(&t, &[vec![1.0; 4]], 4, &theta, &free);
+        let members = [Member {
+            inputs: &inputs,
+            span: (0, 4),
+            initial: &[0.1, 2.5, 0.0, 1.0, 0.0, 0.0],
+        }; 8];
+        let mut out = vec![Trajectory::default(); 8];
+        let mut eight = EightRoller::new(&hybrid, &free);
+        let found = eight.roll(&theta, &members, &mut out);
+        let with = eight.roll_with_sensitivities(&theta, &members, &mut out);
+        for found in [found, with] {
+            let singular = matches!(
+                found,
+                Err(Diverged::Dynamics(lagrange::Error::SingularMassMatrix {
+                    pivot: 0,
+                    ..
+                }))
+            );
+            assert!(singular, "{found:?}");
+        }
+    }
+
+    #[test]
     fn one_of_eight_that_diverges_is_an_error() {
-        let hybrid = cart_pole_with("coulomb_friction", 1, &[0.01]);
+        let hybrid = cart_pole_with(&[("coulomb_friction", 1, &[0.01])]);
         let theta = hybrid.theta();
         let t: Vec<f64> = (0..31).map(|k| f64::from(k) * 0.02).collect();
         let inputs = hybrid.drive(&t, &[vec![0.0; 31]], 4, &theta, &[]);

@@ -1,36 +1,58 @@
 //! Derivatives of v̇ where effects change the mechanics.
 
-use lagrange::{Error, ForwardDynamicsDerivatives, ForwardDynamicsGradient, Mechanics, Workspace};
-use nalgebra::{DMatrix, DVector};
+use lagrange::{Error, ForwardDynamicsDerivatives, ForwardDynamicsGradient};
+use lagrange::{InverseDynamicsGradient, Mechanics, Workspace};
 
-use super::{Extra, ExtraMemory, Rotor};
+use super::{Extra, ExtraMemory, Number, Rotor, Term, add_scaled};
 use crate::hybrid::State;
 
+/// What a [gradient](Extra::gradient) needs beside [`ExtraMemory`].
+pub(in crate::hybrid) struct RowMemory {
+    whole: InverseDynamicsGradient,
+    of_terms: Vec<InverseDynamicsGradient>,
+    /// λᵀ ∂ID/∂p of the last gradient.
+    pub of_slots: Vec<f64>,
+}
+
 impl Extra {
+    /// For `nv` velocities and `np` constants of the mechanics.
+    pub fn row_memory(&self, nv: usize, np: usize) -> RowMemory {
+        let of = |term: &Term| match term.of_points {
+            true => InverseDynamicsGradient::zeros(nv, self.bodies),
+            false => InverseDynamicsGradient::zeros(nv, np),
+        };
+        RowMemory {
+            whole: InverseDynamicsGradient::zeros(nv, np),
+            of_terms: self.terms.iter().map(of).collect(),
+            of_slots: vec![0.0; self.parameters.len()],
+        }
+    }
+
     /// v̇ under Q = `force` and its derivatives as [`Mechanics::forward_dynamics_derivatives_into`], and ∂ID/∂p in `memory.by_slot`.
     #[allow(clippy::too_many_arguments)]
-    pub fn derivatives(
+    pub fn derivatives<T: Number>(
         &self,
         (mechanics, constants): (&dyn Mechanics, &[f64]),
-        state: State<'_>,
+        (q, v): (&[T], &[T]),
         theta: &[f64],
-        force: &DVector<f64>,
+        force: &[T],
         selected: &[usize],
         work: &mut Workspace,
-        memory: &mut ExtraMemory,
-        out: &mut ForwardDynamicsDerivatives,
+        memory: &mut ExtraMemory<T>,
+        out: &mut ForwardDynamicsDerivatives<T>,
     ) -> Result<(), Error> {
-        out.acceleration.copy_from(force);
+        let (zero, one) = (T::constant(0.0), T::constant(1.0));
+        let a = out.acceleration.as_mut_slice();
+        a.copy_from_slice(force);
         let whole = (mechanics, constants);
-        let factor = self.solve(whole, state, theta, work, memory, &mut out.acceleration)?;
-        out.by_force.fill_with_identity();
-        factor.solve_mut(&mut out.by_force);
-        let (State { q, v, .. }, a) = (state, out.acceleration.as_slice());
+        self.forward_dynamics(whole, (q, v), theta, work, memory, a)?;
+        let a = out.acceleration.as_slice();
         let ExtraMemory {
             works,
             p,
             masses,
             zeros,
+            factor: factor_of_mass,
             part,
             added,
             derivatives: sum,
@@ -38,8 +60,11 @@ impl Extra {
             by_slot,
             ..
         } = memory;
-        mechanics.inverse_dynamics_derivatives_into(q, v, a, constants, selected, work, sum);
-        by_slot.fill(0.0);
+        out.by_force.fill(zero);
+        out.by_force.fill_diagonal(one);
+        T::solve(factor_of_mass, out.by_force.as_mut_slice());
+        T::inverse_dynamics_derivatives(mechanics, (q, v, a), constants, selected, work, sum);
+        by_slot.fill(zero);
         for ((term, work), by) in self.terms.iter().zip(works).zip(of_terms) {
             let (constants, selected) = match term.of_points {
                 true => (masses.as_slice(), added.as_slice()),
@@ -49,8 +74,8 @@ impl Extra {
                 true => (zeros.as_slice(), zeros.as_slice()),
                 false => (v, a),
             };
-            let own = &term.mechanics;
-            own.inverse_dynamics_derivatives_into(q, v, a, constants, selected, work, by);
+            let own = &*term.mechanics;
+            T::inverse_dynamics_derivatives(own, (q, v, a), constants, selected, work, by);
             let (factor, derivative) = term.factor.at(p);
             add_scaled(&mut sum.by_q, factor, &by.by_q);
             if !term.factor.is_weight() {
@@ -60,54 +85,55 @@ impl Extra {
                 false => add_scaled(&mut sum.by_p, factor, &by.by_p),
                 true => {
                     for (k, &(_, slot)) in self.points.iter().enumerate() {
-                        by_slot
-                            .column_mut(slot)
-                            .axpy(factor, &by.by_p.column(k), 1.0);
+                        let mut to = by_slot.column_mut(slot);
+                        add_scaled(to.iter_mut(), factor, by.by_p.column(k).iter());
                     }
                 }
             }
             if let Some((slot, derivative)) = derivative {
-                own.gravity_force_into(q, constants, work, part);
-                by_slot.column_mut(slot).axpy(derivative, part, 1.0);
+                T::gravity_force(own, q, constants, work, part);
+                let mut to = by_slot.column_mut(slot);
+                add_scaled(to.iter_mut(), derivative, part.iter());
             }
         }
         for &Rotor { v, slot, sign } in &self.rotors {
-            by_slot[(v, slot)] += sign * a[v];
+            let to = &mut by_slot[(v, slot)];
+            *to = to.plus(sign, a[v]);
         }
         for (to, from) in [
             (&mut out.by_q, &sum.by_q),
             (&mut out.by_v, &sum.by_v),
             (&mut out.by_p, &sum.by_p),
         ] {
-            to.copy_from(from);
-            factor.solve_mut(to);
-            to.neg_mut();
+            to.fill(zero);
+            add_scaled(to.iter_mut(), -1.0, from.iter());
+            T::solve(factor_of_mass, to.as_mut_slice());
         }
-        memory.mass = factor.unpack_dirty();
         Ok(())
     }
 
     /// v̇ under Q = `force` and wᵀ ∂v̇/∂x as [`Mechanics::forward_dynamics_gradient_into`], and with λ = M⁻¹ w the row λᵀ ∂ID/∂p in
-    /// `memory.of_slots`.
+    /// `rows.of_slots`.
     #[allow(clippy::too_many_arguments)]
     pub fn gradient(
         &self,
         (mechanics, constants): (&dyn Mechanics, &[f64]),
         state: State<'_>,
         theta: &[f64],
-        force: &DVector<f64>,
+        force: &[f64],
         weight: &[f64],
         work: &mut Workspace,
-        memory: &mut ExtraMemory,
+        (memory, rows): (&mut ExtraMemory, &mut RowMemory),
         out: &mut ForwardDynamicsGradient,
     ) -> Result<(), Error> {
-        out.acceleration.copy_from(force);
+        let State { q, v, .. } = state;
+        let a = out.acceleration.as_mut_slice();
+        a.copy_from_slice(force);
         let whole = (mechanics, constants);
-        let factor = self.solve(whole, state, theta, work, memory, &mut out.acceleration)?;
+        self.forward_dynamics(whole, (q, v), theta, work, memory, a)?;
+        let a = out.acceleration.as_slice();
         out.by_force.as_mut_slice().copy_from_slice(weight);
-        factor.solve_mut(&mut out.by_force);
-        memory.mass = factor.unpack_dirty();
-        let (State { q, v, .. }, a) = (state, out.acceleration.as_slice());
+        f64::solve(&memory.factor, out.by_force.as_mut_slice());
         let lambda = out.by_force.as_slice();
         let ExtraMemory {
             works,
@@ -115,11 +141,13 @@ impl Extra {
             masses,
             zeros,
             part,
-            gradient: base,
-            gradients,
-            of_slots,
             ..
         } = memory;
+        let RowMemory {
+            whole: base,
+            of_terms: gradients,
+            of_slots,
+        } = rows;
         mechanics.inverse_dynamics_gradient_into(q, v, a, constants, lambda, work, base);
         for (to, from) in [
             (&mut out.by_q, &base.by_q),
@@ -164,12 +192,5 @@ impl Extra {
             of_slots[slot] += sign * lambda[v] * a[v];
         }
         Ok(())
-    }
-}
-
-/// to += factor · from.
-fn add_scaled(to: &mut DMatrix<f64>, factor: f64, from: &DMatrix<f64>) {
-    for (to, from) in to.iter_mut().zip(from.iter()) {
-        *to += factor * from;
     }
 }

@@ -11,18 +11,20 @@
 
 mod derivatives;
 mod momenta;
+mod number;
 mod variants;
 
 use std::sync::Arc;
 
-use lagrange::{Error, Mechanics, Workspace};
-use lagrange::{InverseDynamicsDerivatives, InverseDynamicsGradient};
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use lagrange::{Error, InverseDynamicsDerivatives, Mechanics, Workspace};
+use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::{Hybrid, State};
+use super::Hybrid;
 use crate::effect::Inertial;
 use crate::entries::Start;
+use number::{Number, add_scaled};
 
+pub(super) use derivatives::RowMemory;
 pub(super) use variants::Variants;
 
 /// What the effects of one model add.
@@ -85,28 +87,24 @@ impl Factor {
     }
 }
 
-/// Memory of one thread for one set of free constants.
-pub(super) struct ExtraMemory {
+/// Memory of one thread for one set of free constants: for one state, or for eight at once.
+pub(super) struct ExtraMemory<T: Number = f64> {
     works: Vec<Workspace>,
     /// The parameters, slot by slot, and the point masses, body by body.
     p: Vec<f64>,
     masses: Vec<f64>,
-    zeros: Vec<f64>,
-    mass: DMatrix<f64>,
-    part_of_mass: DMatrix<f64>,
-    bias: DVector<f64>,
-    part: DVector<f64>,
-    row: Vec<f64>,
+    zeros: Vec<T>,
+    mass: DMatrix<T>,
+    part_of_mass: DMatrix<T>,
+    factor: T::Factor,
+    bias: DVector<T>,
+    part: DVector<T>,
     /// The bodies with a point mass.
     added: Vec<usize>,
-    derivatives: InverseDynamicsDerivatives,
-    of_terms: Vec<InverseDynamicsDerivatives>,
-    gradient: InverseDynamicsGradient,
-    gradients: Vec<InverseDynamicsGradient>,
+    derivatives: InverseDynamicsDerivatives<T>,
+    of_terms: Vec<InverseDynamicsDerivatives<T>>,
     /// ∂ID/∂p of the last derivatives, one column a slot.
-    pub by_slot: DMatrix<f64>,
-    /// λᵀ ∂ID/∂p of the last gradient.
-    pub of_slots: Vec<f64>,
+    pub by_slot: DMatrix<T>,
 }
 
 impl Extra {
@@ -184,45 +182,40 @@ impl Extra {
         Some(extra)
     }
 
-    /// For `nv` velocities, `np` constants of the mechanics and derivatives in `selected` of them.
-    pub fn memory(&self, nv: usize, np: usize, selected: usize) -> ExtraMemory {
+    /// For `nv` velocities and derivatives in `selected` constants of the mechanics.
+    pub fn memory<T: Number>(&self, nv: usize, selected: usize) -> ExtraMemory<T> {
         let added: Vec<usize> = self.points.iter().map(|(body, _)| *body).collect();
-        let of = |term: &Term| {
-            if term.of_points {
-                added.len()
-            } else {
-                selected
-            }
+        let matrix = |columns| DMatrix::from_element(nv, columns, T::constant(0.0));
+        let vector = || DVector::from_element(nv, T::constant(0.0));
+        let derivatives = |constants| InverseDynamicsDerivatives {
+            by_q: matrix(nv),
+            by_v: matrix(nv),
+            by_p: matrix(constants),
         };
-        let all = |term: &Term| if term.of_points { self.bodies } else { np };
+        let of = |term: &Term| match term.of_points {
+            true => derivatives(added.len()),
+            false => derivatives(selected),
+        };
         let terms = self.terms.iter();
         ExtraMemory {
             works: terms.clone().map(|t| t.mechanics.workspace()).collect(),
             p: vec![0.0; self.parameters.len()],
             masses: vec![0.0; self.bodies],
-            zeros: vec![0.0; nv],
-            mass: DMatrix::zeros(nv, nv),
-            part_of_mass: DMatrix::zeros(nv, nv),
-            bias: DVector::zeros(nv),
-            part: DVector::zeros(nv),
-            row: vec![0.0; nv],
-            derivatives: InverseDynamicsDerivatives::zeros(nv, selected),
-            of_terms: terms
-                .clone()
-                .map(|t| InverseDynamicsDerivatives::zeros(nv, of(t)))
-                .collect(),
-            gradient: InverseDynamicsGradient::zeros(nv, np),
-            gradients: terms
-                .map(|t| InverseDynamicsGradient::zeros(nv, all(t)))
-                .collect(),
-            by_slot: DMatrix::zeros(nv, self.parameters.len()),
-            of_slots: vec![0.0; self.parameters.len()],
+            zeros: vec![T::constant(0.0); nv],
+            mass: matrix(nv),
+            part_of_mass: matrix(nv),
+            factor: T::factor(nv),
+            bias: vector(),
+            part: vector(),
+            derivatives: derivatives(selected),
+            of_terms: terms.map(of).collect(),
+            by_slot: matrix(self.parameters.len()),
             added,
         }
     }
 
-    /// The terms with their constants and memory.
-    fn load(&self, theta: &[f64], memory: &mut ExtraMemory) {
+    /// The parameters of the effects, and the point masses.
+    fn load<T: Number>(&self, theta: &[f64], memory: &mut ExtraMemory<T>) {
         for (to, &index) in memory.p.iter_mut().zip(&self.parameters) {
             *to = match self.in_place {
                 true => theta[index],
@@ -236,45 +229,45 @@ impl Extra {
     }
 
     /// Adds to M.
-    fn add_mass(&self, q: &[f64], memory: &mut ExtraMemory, mass: &mut DMatrix<f64>) {
+    fn add_mass<T: Number>(&self, q: &[T], memory: &mut ExtraMemory<T>, mass: &mut DMatrix<T>) {
         for (term, work) in self.terms.iter().zip(&mut memory.works) {
             if !term.factor.is_weight() {
                 let part = &mut memory.part_of_mass;
-                term.mechanics
-                    .mass_matrix_into(q, &memory.masses, work, part);
-                *mass += &*part;
+                T::mass_matrix(&*term.mechanics, q, &memory.masses, work, part);
+                add_scaled(mass.iter_mut(), 1.0, part.iter());
             }
         }
         for &Rotor { v, slot, sign } in &self.rotors {
-            mass[(v, v)] += sign * memory.p[slot];
+            let own = &mut mass[(v, v)];
+            *own = own.plus(sign * memory.p[slot], T::constant(1.0));
         }
         if !self.in_place {
-            mass.fill(f64::NAN);
+            mass.fill(T::constant(f64::NAN));
         }
     }
 
     /// M of the whole model, into `mass`.
-    pub fn mass_matrix(
+    pub fn mass_matrix<T: Number>(
         &self,
         (mechanics, constants): (&dyn Mechanics, &[f64]),
-        q: &[f64],
+        q: &[T],
         theta: &[f64],
         work: &mut Workspace,
-        memory: &mut ExtraMemory,
-        mass: &mut DMatrix<f64>,
+        memory: &mut ExtraMemory<T>,
+        mass: &mut DMatrix<T>,
     ) {
         self.load(theta, memory);
-        mechanics.mass_matrix_into(q, constants, work, mass);
+        T::mass_matrix(mechanics, q, constants, work, mass);
         self.add_mass(q, memory, mass);
     }
 
     /// Adds to C v + G.
-    pub fn add_bias(
+    pub fn add_bias<T: Number>(
         &self,
-        (q, v): (&[f64], &[f64]),
+        (q, v): (&[T], &[T]),
         (theta, constants): (&[f64], &[f64]),
-        memory: &mut ExtraMemory,
-        bias: &mut DVector<f64>,
+        memory: &mut ExtraMemory<T>,
+        bias: &mut DVector<T>,
     ) {
         self.load(theta, memory);
         for (term, work) in self.terms.iter().zip(&mut memory.works) {
@@ -284,59 +277,56 @@ impl Extra {
             };
             let part = &mut memory.part;
             match term.factor.is_weight() {
-                true => term.mechanics.gravity_force_into(q, p, work, part),
-                false => term.mechanics.bias_force_into(q, v, p, work, part),
+                true => T::gravity_force(&*term.mechanics, q, p, work, part),
+                false => T::bias_force(&*term.mechanics, (q, v), p, work, part),
             }
-            bias.axpy(term.factor.at(&memory.p).0, part, 1.0);
+            add_scaled(bias.iter_mut(), term.factor.at(&memory.p).0, part.iter());
         }
     }
 
-    /// v̇ from Q in `force`, and the factor of M.
-    fn solve(
-        &self,
-        (mechanics, constants): (&dyn Mechanics, &[f64]),
-        state: State<'_>,
-        theta: &[f64],
-        work: &mut Workspace,
-        memory: &mut ExtraMemory,
-        force: &mut DVector<f64>,
-    ) -> Result<Cholesky<f64, Dyn>, Error> {
-        let State { q, v, .. } = state;
-        let mut mass = std::mem::take(&mut memory.mass);
-        let mut bias = std::mem::take(&mut memory.bias);
-        self.mass_matrix((mechanics, constants), q, theta, work, memory, &mut mass);
-        mechanics.bias_force_into(q, v, constants, work, &mut bias);
-        self.add_bias((q, v), (theta, constants), memory, &mut bias);
-        *force -= &bias;
-        memory.bias = bias;
-        let Some(factor) = Cholesky::new(mass) else {
-            let n = v.len();
-            memory.mass = DMatrix::zeros(n, n);
-            let mut mass = DMatrix::zeros(n, n);
-            self.mass_matrix((mechanics, constants), q, theta, work, memory, &mut mass);
-            return Err(singular(q, &mass));
-        };
-        factor.solve_mut(force);
-        if force.iter().all(|a| a.is_finite()) {
-            return Ok(factor);
-        }
-        memory.mass = factor.unpack_dirty();
-        Err(Error::AccelerationNotFinite { q: q.to_vec() })
-    }
-
-    /// v̇, in place of Q in `out`.
-    pub fn forward_dynamics(
+    /// M and its factor, into `memory`.
+    fn factorise<T: Number>(
         &self,
         mechanics: (&dyn Mechanics, &[f64]),
-        state: State<'_>,
+        q: &[T],
         theta: &[f64],
         work: &mut Workspace,
-        memory: &mut ExtraMemory,
-        out: &mut DVector<f64>,
+        memory: &mut ExtraMemory<T>,
+    ) {
+        let mut mass = std::mem::take(&mut memory.mass);
+        self.mass_matrix(mechanics, q, theta, work, memory, &mut mass);
+        T::factorise(&mass, &mut memory.factor);
+        memory.mass = mass;
+    }
+
+    /// v̇, in place of Q in `out`; the factor of M stays in `memory`.
+    pub fn forward_dynamics<T: Number>(
+        &self,
+        (mechanics, constants): (&dyn Mechanics, &[f64]),
+        (q, v): (&[T], &[T]),
+        theta: &[f64],
+        work: &mut Workspace,
+        memory: &mut ExtraMemory<T>,
+        out: &mut [T],
     ) -> Result<(), Error> {
-        let factor = self.solve(mechanics, state, theta, work, memory, out)?;
-        memory.mass = factor.unpack_dirty();
-        Ok(())
+        self.factorise((mechanics, constants), q, theta, work, memory);
+        let mut bias = std::mem::take(&mut memory.bias);
+        T::bias_force(mechanics, (q, v), constants, work, &mut bias);
+        self.add_bias((q, v), (theta, constants), memory, &mut bias);
+        add_scaled(&mut *out, -1.0, &bias);
+        memory.bias = bias;
+        T::solve(&memory.factor, out);
+        match T::lost(out) {
+            None => Ok(()),
+            Some(state) => {
+                let q: Vec<f64> = q.iter().map(|q| q.of_state(state)).collect();
+                let mass = memory.mass.map(|m| m.of_state(state));
+                Err(match Cholesky::new(mass.clone()) {
+                    None => singular(&q, &mass),
+                    Some(_) => Error::AccelerationNotFinite { q },
+                })
+            }
+        }
     }
 }
 

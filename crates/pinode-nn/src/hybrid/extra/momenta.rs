@@ -1,9 +1,8 @@
 //! Momenta, and how they change, where effects change the mechanics.
 
 use lagrange::{Error, Mechanics, Workspace};
-use nalgebra::{Cholesky, DMatrix};
 
-use super::{Extra, ExtraMemory, singular};
+use super::{Extra, ExtraMemory, Number, singular};
 use crate::motion::{Momenta, Positions};
 
 impl Extra {
@@ -35,19 +34,11 @@ impl Extra {
         memory: &mut ExtraMemory,
         out: &mut [f64],
     ) -> Result<(), Error> {
-        let mut mass = std::mem::take(&mut memory.mass);
-        self.mass_matrix(mechanics, q, theta, work, memory, &mut mass);
-        let Some(factor) = Cholesky::new(mass) else {
-            let n = out.len();
-            memory.mass = DMatrix::zeros(n, n);
-            let mut mass = DMatrix::zeros(n, n);
-            self.mass_matrix(mechanics, q, theta, work, memory, &mut mass);
-            return Err(singular(q, &mass));
-        };
-        memory.part.copy_from_slice(out);
-        factor.solve_mut(&mut memory.part);
-        out.copy_from_slice(memory.part.as_slice());
-        memory.mass = factor.unpack_dirty();
+        self.factorise(mechanics, q, theta, work, memory);
+        if memory.factor.is_none() {
+            return Err(singular(q, &memory.mass));
+        }
+        f64::solve(&memory.factor, out);
         Ok(())
     }
 
@@ -68,7 +59,7 @@ impl Extra {
                 true => &memory.masses,
                 false => constants,
             };
-            let (part, row) = (&mut memory.part, &mut memory.row);
+            let (part, row) = (&mut memory.part, &mut memory.bias);
             if term.factor.is_weight() {
                 term.mechanics.gravity_force_into(q, p, work, part);
                 let factor = term.factor.at(&memory.p).0;
@@ -77,7 +68,14 @@ impl Extra {
                 }
             } else {
                 row.fill(0.0);
-                momenta.position_force(&*term.mechanics, positions, (q, v), p, work, row);
+                momenta.position_force(
+                    &*term.mechanics,
+                    positions,
+                    (q, v),
+                    p,
+                    work,
+                    row.as_mut_slice(),
+                );
                 for (out, x) in out.iter_mut().zip(row.iter()) {
                     *out += x;
                 }
