@@ -226,7 +226,7 @@ impl<L: MemoryLaw, const N: usize> NullaryFnOnce for GradientsOfEight<'_, L, N> 
         } = self;
         let states = law.states();
         let columns = 3 + states + p.len();
-        let mut arguments = [Number::<N>::zero(); COLUMNS];
+        let mut arguments = [Number::<N>::zero(); N];
         let values = [seen.q, seen.v, seen.f].into_iter();
         let values = values.chain(seen.h.iter().copied());
         let values = values.chain(p.iter().map(|p| [*p; LANES]));
