@@ -69,6 +69,16 @@ pub trait JointForce: Send + Sync {
         smoothing: f64,
         by_p: &mut [f64],
     ) -> JointForceDerivatives;
+    /// Q_j of eight states.
+    fn force_of_eight(
+        &self,
+        q: &[f64; LANES],
+        v: &[f64; LANES],
+        p: &[f64],
+        smoothing: f64,
+    ) -> [f64; LANES] {
+        std::array::from_fn(|lane| self.force(q[lane], v[lane], p, smoothing))
+    }
     /// (Q_j, ∂Q_j/∂q_j, ∂Q_j/∂v_j) of eight states, and the derivatives in the parameters; `by_p` is as long as `p`.
     fn derivatives_of_eight(
         &self,

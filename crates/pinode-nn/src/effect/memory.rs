@@ -75,7 +75,15 @@ pub trait MemoryForce: Send + Sync {
         smoothing: f64,
         out: &mut MemoryDerivatives,
     );
-    /// The same of eight states.
+    /// As [`evaluate`](Self::evaluate) of eight states: the values in `out`, whose derivatives are then of no use.
+    fn evaluate_eight(
+        &self,
+        seen: &Seen<'_, [f64; LANES]>,
+        p: &[f64],
+        smoothing: f64,
+        out: &mut MemoryDerivatives<[f64; LANES]>,
+    );
+    /// As [`derivatives`](Self::derivatives) of eight states.
     fn derivatives_of_eight(
         &self,
         seen: &Seen<'_, [f64; LANES]>,
@@ -202,8 +210,8 @@ fn gradients<L: MemoryLaw, const N: usize>(
     }
 }
 
-/// [`gradients`] of eight states, by numbers with as many lanes.
-struct GradientsOfEight<'a, L, const N: usize> {
+/// [`gradients`] of eight states, by numbers with as many lanes, in the first `N` of at most `M` variables.
+struct GradientsOfEight<'a, L, const N: usize, const M: usize> {
     law: &'a L,
     seen: &'a Seen<'a, [f64; LANES]>,
     p: &'a [f64],
@@ -211,7 +219,7 @@ struct GradientsOfEight<'a, L, const N: usize> {
     out: &'a mut MemoryDerivatives<[f64; LANES]>,
 }
 
-impl<L: MemoryLaw, const N: usize> NullaryFnOnce for GradientsOfEight<'_, L, N> {
+impl<L: MemoryLaw, const N: usize, const M: usize> NullaryFnOnce for GradientsOfEight<'_, L, N, M> {
     type Output = ();
 
     #[inline(always)]
@@ -226,7 +234,7 @@ impl<L: MemoryLaw, const N: usize> NullaryFnOnce for GradientsOfEight<'_, L, N> 
         } = self;
         let states = law.states();
         let columns = 3 + states + p.len();
-        let mut arguments = [Number::<N>::zero(); N];
+        let mut arguments = [Number::<N>::zero(); M];
         let values = [seen.q, seen.v, seen.f].into_iter();
         let values = values.chain(seen.h.iter().copied());
         let values = values.chain(p.iter().map(|p| [*p; LANES]));
@@ -245,13 +253,28 @@ impl<L: MemoryLaw, const N: usize> NullaryFnOnce for GradientsOfEight<'_, L, N> 
     }
 }
 
-/// One state after the other.
-fn gradients_one_by_one<L: MemoryLaw>(
-    law: &WithMemory<L>,
+/// See [`GradientsOfEight`].
+fn gradients_of_eight<L: MemoryLaw, const N: usize, const M: usize>(
+    law: &L,
     seen: &Seen<'_, [f64; LANES]>,
     p: &[f64],
     smoothing: f64,
     out: &mut MemoryDerivatives<[f64; LANES]>,
+) {
+    Arch::new().dispatch(GradientsOfEight::<L, N, M> {
+        law,
+        seen,
+        p,
+        smoothing,
+        out,
+    });
+}
+
+/// What `each` finds at eight states, one after the other: values, and derivatives where there are some.
+fn one_by_one(
+    seen: &Seen<'_, [f64; LANES]>,
+    out: &mut MemoryDerivatives<[f64; LANES]>,
+    each: impl Fn(&Seen<'_, f64>, &mut MemoryDerivatives),
 ) {
     let mut one = MemoryDerivatives::default();
     for lane in 0..LANES {
@@ -265,7 +288,7 @@ fn gradients_one_by_one<L: MemoryLaw>(
             f: seen.f[lane],
             h: &h[..seen.h.len()],
         };
-        law.derivatives(&here, p, smoothing, &mut one);
+        each(&here, &mut one);
         out.states = one.states;
         for (to, from) in out.value.iter_mut().zip(one.value) {
             to[lane] = from;
@@ -307,6 +330,22 @@ impl<L: MemoryLaw> MemoryForce for WithMemory<L> {
         }
     }
 
+    fn evaluate_eight(
+        &self,
+        seen: &Seen<'_, [f64; LANES]>,
+        p: &[f64],
+        smoothing: f64,
+        out: &mut MemoryDerivatives<[f64; LANES]>,
+    ) {
+        if self.0.takes_lanes() {
+            return gradients_of_eight::<L, 0, COLUMNS>(&self.0, seen, p, smoothing, out);
+        }
+        one_by_one(seen, out, |seen, one| {
+            let [force, rate @ ..] = &mut one.value;
+            *force = self.evaluate(seen, p, smoothing, &mut rate[..seen.h.len()]);
+        });
+    }
+
     fn derivatives_of_eight(
         &self,
         seen: &Seen<'_, [f64; LANES]>,
@@ -315,24 +354,15 @@ impl<L: MemoryLaw> MemoryForce for WithMemory<L> {
         out: &mut MemoryDerivatives<[f64; LANES]>,
     ) {
         if !self.0.takes_lanes() {
-            return gradients_one_by_one(self, seen, p, smoothing, out);
-        }
-        macro_rules! by {
-            ($n:expr) => {
-                Arch::new().dispatch(GradientsOfEight::<L, $n> {
-                    law: &self.0,
-                    seen,
-                    p,
-                    smoothing,
-                    out,
-                })
-            };
+            return one_by_one(seen, out, |seen, one| {
+                self.derivatives(seen, p, smoothing, one);
+            });
         }
         match 3 + self.0.states() + p.len() {
-            0..=6 => by!(6),
-            7..=8 => by!(8),
-            9..=10 => by!(10),
-            _ => by!(COLUMNS),
+            0..=6 => gradients_of_eight::<L, 6, 6>(&self.0, seen, p, smoothing, out),
+            7..=8 => gradients_of_eight::<L, 8, 8>(&self.0, seen, p, smoothing, out),
+            9..=10 => gradients_of_eight::<L, 10, 10>(&self.0, seen, p, smoothing, out),
+            _ => gradients_of_eight::<L, COLUMNS, COLUMNS>(&self.0, seen, p, smoothing, out),
         }
     }
 
@@ -346,5 +376,90 @@ impl<L: MemoryLaw> MemoryForce for WithMemory<L> {
 
     fn fastest(&self, speed: f64, mass: f64, p: &[f64]) -> f64 {
         self.0.fastest(speed, mass, p)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::registry;
+
+    /// A law that decides by a number.
+    struct Branching;
+
+    impl MemoryLaw for Branching {
+        fn states(&self) -> usize {
+            1
+        }
+        fn force<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _: f64) -> D {
+            match seen.v.re() > 0.0 {
+                true => p[0] * seen.h[0],
+                false => p[1] * seen.v * seen.q,
+            }
+        }
+        fn rate<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _: f64, rate: &mut [D]) {
+            rate[0] = seen.f * p[0] - seen.h[0];
+        }
+        fn start(&self, _: f64, _: f64, _: &[f64], _: &mut [f64]) {}
+        fn spread(&self, _: f64, _: f64, _: &[f64], _: &mut [f64]) {}
+        fn fastest(&self, _: f64, _: f64, _: &[f64]) -> f64 {
+            0.0
+        }
+    }
+
+    /// How far eight states at once are from the same ones by themselves, relative to the size of each number.
+    fn distance(law: &dyn MemoryForce, p: &[f64]) -> f64 {
+        let of = |phase: f64| std::array::from_fn(|lane| (phase + 2.3 * lane as f64).sin());
+        let h: Vec<[f64; LANES]> = (0..law.states()).map(|i| of(5.0 + i as f64)).collect();
+        let [q, v, f] = [0.1, 0.9, 2.0].map(of);
+        let seen = Seen { q, v, f, h: &h };
+        let mut eight = MemoryDerivatives::<[f64; LANES]>::default();
+        let mut values = eight.clone();
+        law.derivatives_of_eight(&seen, p, 0.01, &mut eight);
+        law.evaluate_eight(&seen, p, 0.01, &mut values);
+        let mut worst = 0.0_f64;
+        let mut compare = |a: f64, b: f64| worst = worst.max((a - b).abs() / (1.0 + b.abs()));
+        for lane in 0..LANES {
+            let h: Vec<f64> = h.iter().map(|h| h[lane]).collect();
+            let here = Seen {
+                q: q[lane],
+                v: v[lane],
+                f: f[lane],
+                h: &h,
+            };
+            let mut one = MemoryDerivatives::default();
+            law.derivatives(&here, p, 0.01, &mut one);
+            for row in 0..=law.states() {
+                compare(values.value(row)[lane], one.value(row));
+                compare(eight.value(row)[lane], one.value(row));
+                compare(eight.by_q(row)[lane], one.by_q(row));
+                compare(eight.by_v(row)[lane], one.by_v(row));
+                compare(eight.by_f(row)[lane], one.by_f(row));
+                for (eight, one) in eight.by_h(row).iter().zip(one.by_h(row)) {
+                    compare(eight[lane], *one);
+                }
+                for (eight, one) in eight.by_p(row).iter().zip(one.by_p(row)).take(p.len()) {
+                    compare(eight[lane], *one);
+                }
+            }
+        }
+        worst
+    }
+
+    #[test]
+    fn laws_at_eight_states_are_those_at_each() {
+        let mut seen = Vec::new();
+        for kind in registry::all() {
+            let Some(law) = kind.memory() else {
+                continue;
+            };
+            let count = kind.parameters.len();
+            let p: Vec<f64> = (0..count).map(|k| 0.7 + 0.4 * k as f64).collect();
+            let distance = distance(law, &p);
+            assert!(distance < 1e-12, "{}: {distance:e}", kind.name);
+            seen.push(kind.name);
+        }
+        assert!(seen.len() >= 6, "{seen:?}");
+        assert!(distance(&WithMemory(Branching), &[0.7, 1.1]) < 1e-12);
     }
 }

@@ -13,11 +13,7 @@ impl Hybrid {
     /// Memory for [`acceleration`](Self::acceleration) and [`linearize`](Self::linearize) for one thread.
     pub fn memory(&self, free: &[usize]) -> Memory {
         let (n, nh) = (self.nv(), self.nh());
-        let mechanics: Vec<usize> = free
-            .iter()
-            .copied()
-            .filter(|i| self.mechanics_range().contains(i))
-            .collect();
+        let mechanics = self.free_of_mechanics(free);
         let columns = 2 * n + nh + free.len();
         Memory {
             work: self.mechanics.workspace(),
@@ -40,6 +36,12 @@ impl Hybrid {
             gradient: ForwardDynamicsGradient::zeros(n, self.mechanics_range().len()),
             momenta: Momenta::new(n),
         }
+    }
+
+    /// The free constants of the mechanics.
+    pub(super) fn free_of_mechanics(&self, free: &[usize]) -> Vec<usize> {
+        let own = self.mechanics_range();
+        free.iter().copied().filter(|i| own.contains(i)).collect()
     }
 
     /// v̇ and ḣ at a state under the input forces of integration step `step`; left in `memory.acceleration` and `memory.rates`.

@@ -1,11 +1,11 @@
 //! v̇ and ḣ of eight states at once, with their derivatives.
 
-use lagrange::{Error, ForwardDynamicsDerivatives, LANES};
+use lagrange::{Error, ForwardDynamicsDerivatives, LANES, Workspace};
 use pulp::{Arch, NullaryFnOnce};
 
 use super::extra::ExtraMemory;
 use super::forces::{By, Of};
-use super::{DrivenInputs, Hybrid, Memory, Placed};
+use super::{DrivenInputs, Hybrid, Placed};
 use crate::effect::{Action, MemoryDerivatives, Seen};
 use crate::entries::Start;
 
@@ -23,10 +23,9 @@ pub(crate) struct Eight<'a> {
 
 /// Memory of one thread for one set of free constants.
 pub(crate) struct EightMemory {
-    /// That of one state, for what is done state by state, and the memory of the mechanics.
-    one: Memory,
-    /// One state.
-    state: Vec<f64>,
+    work: Workspace,
+    /// The free constants of the mechanics.
+    selected: Vec<usize>,
     /// Forces of the inputs that act on the coordinates themselves.
     driven: Vec<Lane>,
     with_memory: Box<MemoryDerivatives<Lane>>,
@@ -52,27 +51,25 @@ impl Hybrid {
     /// Memory for [`linearize_eight`](Self::linearize_eight) for one thread.
     pub(crate) fn memory_of_eight(&self, free: &[usize]) -> EightMemory {
         let (n, nh) = (self.nv(), self.nh());
-        let one = self.memory(free);
+        let selected = self.free_of_mechanics(free);
+        let parameters = self.ranges.iter().map(ExactSizeIterator::len).max();
         let count = 2 * n + nh + free.len();
         let place = |index| free.binary_search(&index).ok().map(|k| 2 * n + nh + k);
         let zeros = |n: usize| vec![[0.0; LANES]; n];
         EightMemory {
-            state: vec![0.0; self.nx()],
+            work: self.mechanics.workspace(),
             driven: zeros(n),
             with_memory: Box::default(),
             columns: (0..self.constants.len()).map(place).collect(),
             force: zeros(n),
             forces: zeros(n * count),
-            by_parameter: zeros(one.by_parameter.len()),
-            by: ForwardDynamicsDerivatives::lanes(n, one.mechanics.len()),
-            extra: self
-                .extra
-                .as_ref()
-                .map(|e| e.memory(n, one.mechanics.len())),
+            by_parameter: zeros(parameters.unwrap_or(0)),
+            by: ForwardDynamicsDerivatives::lanes(n, selected.len()),
+            extra: self.extra.as_ref().map(|e| e.memory(n, selected.len())),
             arch: Arch::new(),
             rates: zeros(n + nh),
             linear: zeros((n + nh) * count),
-            one,
+            selected,
         }
     }
 
@@ -88,7 +85,8 @@ impl Hybrid {
         let (n, nq) = (self.nv(), self.nq());
         let below = n + self.nh();
         let EightMemory {
-            one,
+            work,
+            selected,
             driven,
             with_memory,
             columns,
@@ -100,7 +98,6 @@ impl Hybrid {
             arch,
             rates,
             linear,
-            ..
         } = memory;
         for lanes in [&mut *forces, &mut *rates, &mut *linear] {
             lanes.fill([0.0; LANES]);
@@ -128,14 +125,7 @@ impl Hybrid {
                     }
                 }
             } else if let Some(law) = effect.kind.memory() {
-                let (start, f) = self.forces_seen(index, at, driven);
-                let own = self.state_ranges[index].clone();
-                let seen = Seen {
-                    q: x[start.q],
-                    v: x[nq + start.v],
-                    f,
-                    h: &x[nq + n..][own],
-                };
+                let (start, seen) = self.seen_by_eight(index, x, at, driven);
                 let p = &theta[self.ranges[index].clone()];
                 let smoothing = effect.smoothing * self.smoothing_scale;
                 law.derivatives_of_eight(&seen, p, smoothing, with_memory);
@@ -175,8 +165,7 @@ impl Hybrid {
             }
         }
         let (q, v) = (&x[..nq], &x[nq..nq + n]);
-        let (p, selected) = (&theta[self.mechanics_range()], &one.mechanics);
-        let work = &mut one.work;
+        let p = &theta[self.mechanics_range()];
         match (&self.extra, extra) {
             (Some(added), Some(room)) => {
                 let whole = (&*self.mechanics, p);
@@ -207,7 +196,7 @@ impl Hybrid {
         let in_state = by.by_q.as_slice().chunks_exact(n);
         let in_state = in_state.chain(by.by_v.as_slice().chunks_exact(n));
         let in_constants = by.by_p.as_slice().chunks_exact(n);
-        let places = one.mechanics.iter().filter_map(|&index| columns[index]);
+        let places = selected.iter().filter_map(|&index| columns[index]);
         for (column, from) in in_state.enumerate().chain(places.zip(in_constants)) {
             for (to, from) in linear[column * below..].iter_mut().zip(from) {
                 add(to, from);
@@ -226,24 +215,37 @@ impl Hybrid {
     ) -> Result<(), Error> {
         let (n, nq) = (self.nv(), self.nq());
         let EightMemory {
-            one,
-            state,
+            work,
+            driven,
+            with_memory,
             extra,
             rates,
             ..
         } = memory;
-        for lane in 0..LANES {
-            take(state, x, lane);
-            let (inputs, step) = (at.inputs[lane], at.steps[lane]);
-            self.load(self.parts(state), theta, inputs, step, one);
-            put(rates, one.acceleration.iter().chain(one.rates.iter()), lane);
+        self.drive_eight(at, driven, |_, _, _, _| {});
+        let (force, hidden) = rates.split_at_mut(n);
+        force.copy_from_slice(driven);
+        hidden.fill([0.0; LANES]);
+        for (index, effect) in self.effects.iter().enumerate() {
+            let p = &theta[self.ranges[index].clone()];
+            let smoothing = effect.smoothing * self.smoothing_scale;
+            if let Action::Joint(law) = effect.kind.action {
+                let Start { q, v } = self.starts[effect.target];
+                let value = law.force_of_eight(&x[q], &x[nq + v], p, smoothing);
+                add(&mut force[v], &value);
+            } else if let Some(law) = effect.kind.memory() {
+                let (start, seen) = self.seen_by_eight(index, x, at, driven);
+                law.evaluate_eight(&seen, p, smoothing, with_memory);
+                for (row, of) in self.rows(index, start).enumerate() {
+                    match of {
+                        Of::Force(i) => add(&mut force[i], &with_memory.value(row)),
+                        Of::Rate(k) => add(&mut hidden[k], &with_memory.value(row)),
+                    }
+                }
+            }
         }
         let (q, v) = (&x[..nq], &x[nq..nq + n]);
-        let (p, work, out) = (
-            &theta[self.mechanics_range()],
-            &mut one.work,
-            &mut rates[..n],
-        );
+        let (p, out) = (&theta[self.mechanics_range()], force);
         match (&self.extra, extra) {
             (Some(added), Some(room)) => {
                 added.forward_dynamics((&*self.mechanics, p), (q, v), theta, work, room, out)
@@ -273,29 +275,27 @@ impl Hybrid {
         }
     }
 
-    /// As [`force_seen`](Self::force_seen), of eight states.
-    fn forces_seen(&self, index: usize, at: &Eight<'_>, driven: &[Lane]) -> (Start, Lane) {
+    /// Where effect `index`, which has a memory, acts, and what it sees there in eight states.
+    fn seen_by_eight<'a>(
+        &self,
+        index: usize,
+        x: &'a [Lane],
+        at: &Eight<'_>,
+        driven: &[Lane],
+    ) -> (Start, Seen<'a, Lane>) {
         let Placed { kind, target, .. } = self.effects[index];
         let start = self.starts[self.coordinate_of(kind, target)];
         let of_input = |lane: usize| at.inputs[lane].forces[target].value[at.steps[lane]];
-        match kind.is_transmission() {
-            true => (start, std::array::from_fn(of_input)),
-            false => (start, driven[start.v]),
-        }
-    }
-}
-
-/// One of eight states.
-fn take(state: &mut [f64], x: &[Lane], lane: usize) {
-    for (to, from) in state.iter_mut().zip(x) {
-        *to = from[lane];
-    }
-}
-
-/// What was found at one of eight states.
-fn put<'a>(to: &mut [Lane], found: impl Iterator<Item = &'a f64>, lane: usize) {
-    for (to, from) in to.iter_mut().zip(found) {
-        to[lane] = *from;
+        let seen = Seen {
+            q: x[start.q],
+            v: x[self.nq() + start.v],
+            f: match kind.is_transmission() {
+                true => std::array::from_fn(of_input),
+                false => driven[start.v],
+            },
+            h: &x[self.nq() + self.nv()..][self.state_ranges[index].clone()],
+        };
+        (start, seen)
     }
 }
 
