@@ -64,7 +64,7 @@ impl<T: Scalar, const N: usize> Mul for Dual<T, N> {
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
         let (x, y) = (self.re, other.re);
-        self.join(other, x * y, |a, b| a * y + x * b)
+        self.join(other, x * y, |a, b| a.times_plus(y, x * b))
     }
 }
 
