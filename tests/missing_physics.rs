@@ -123,6 +123,13 @@ fn what_stretched_tolerances_imitate_is_found_with_its_size() {
             },
             None,
         ),
+        (
+            Hidden::AddedMass {
+                target: Target::Cart,
+                mass: 0.068,
+            },
+            Some("reflected_inertia"),
+        ),
         // What slides with the cart weighs nothing on the rail: it is the same as a mass on the cart.
         (
             Hidden::ReflectedInertia {

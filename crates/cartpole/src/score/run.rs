@@ -137,13 +137,24 @@ pub fn run(case: &Case, models: &Path, dir: &Path, alone: bool) -> Result<Line, 
     Ok(line)
 }
 
-/// The kinds without which the library knows nothing of `kind`: itself, and those that it is a special case of.
+/// Kinds of one equation on these rigs: of the motor's offset, of a force on what it drives and, while that slides, of a difference of
+/// friction between the directions; and of inertia that slides along the level rail.
+const OF_ONE_EQUATION: [&[&str]; 2] = [
+    &[
+        "input_offset",
+        "constant_force",
+        "asymmetric_coulomb_friction",
+    ],
+    &["added_mass", "reflected_inertia"],
+];
+
+/// The kinds without which the library knows nothing of `kind`: itself, those that it is a special case of, and those of its equation.
 fn removed(kind: &str) -> Vec<&'static Kind> {
-    registry::ALL
-        .iter()
-        .copied()
-        .filter(|k| k.name == kind || k.contains.contains(&kind))
-        .collect()
+    let alike = OF_ONE_EQUATION.into_iter().filter(|c| c.contains(&kind));
+    let alike: Vec<&str> = alike.flatten().copied().chain([kind]).collect();
+    let is_removed =
+        |k: &&Kind| alike.contains(&k.name) || alike.iter().any(|own| k.contains.contains(own));
+    registry::ALL.iter().copied().filter(is_removed).collect()
 }
 
 fn named(effect: &NamedEffect) -> Named {

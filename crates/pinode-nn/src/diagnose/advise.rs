@@ -1,7 +1,8 @@
 //! What to do or to record next.
 
 use super::experiment::{Outcome, Split, short};
-use super::search::{Search, UNEXPLAINED, is_unexplained};
+use super::misfit::{UNEXPLAINED, is_unexplained};
+use super::search::Search;
 use super::study::Study;
 use super::verdict::{NamedEffect, Numerics, Verdict};
 

@@ -6,7 +6,7 @@ use super::experiment::CLOSE;
 use super::refine::{Contender, FIRST_LOOK, contender, is_imitated, polish, rank, refine_one};
 use super::remainder::Remainder;
 use super::screen::screen;
-use super::search::{LEAST_T2, Report, Step, is_second_choice, lookalikes, simpler};
+use super::step::{LEAST_T2, Report, Step, is_second_choice, lookalikes, simpler};
 use super::study::{Comparison, Fitted, Study};
 use crate::effect::Kind;
 use crate::hybrid::Hybrid;
@@ -124,8 +124,11 @@ pub fn revisit(
         let Some(index) = position(current, &added[k]) else {
             continue;
         };
-        let reduced = without(study, null, current, index);
         let single = steps.iter().filter(|s| s.accepted.is_some()).count() == 1 && added.len() == 1;
+        let reduced = match single {
+            true => null.clone(),
+            false => without(study, null, current, index),
+        };
         let rivals = if single {
             steps[0].contenders.clone()
         } else {

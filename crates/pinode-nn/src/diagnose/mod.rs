@@ -21,6 +21,7 @@ mod horizons;
 pub(crate) mod kept;
 mod linear;
 mod locate;
+mod misfit;
 mod numerics;
 mod refine;
 mod regions;
@@ -32,6 +33,7 @@ mod setup;
 mod shapes;
 pub mod sketch;
 pub(crate) mod smooth;
+mod step;
 mod study;
 mod unexplained;
 pub mod verdict;
@@ -159,7 +161,7 @@ pub(crate) fn diagnose_into(
         .collect();
     let mut search = cleaned.search(seed, report);
     // What a wrong model hides among its own errors may show beside the found one.
-    if search::is_unexplained(&cleaned.prepared.study, &search.model, search::UNEXPLAINED)
+    if misfit::is_unexplained(&cleaned.prepared.study, &search.model, misfit::UNEXPLAINED)
         && cleaned.look_again(model, &search, &names, report)
     {
         search = cleaned.search(seed, report);
@@ -238,7 +240,7 @@ pub(crate) fn diagnose_into(
     gap.regions = regions::regions(&residuals, &free_runs, &gap.coordinates);
 
     let something_is_left =
-        search.left.is_some() || search::is_unexplained(study, &search.model, search::UNEXPLAINED);
+        search.left.is_some() || misfit::is_unexplained(study, &search.model, misfit::UNEXPLAINED);
     let verdict = if !search.found.is_empty() && search.explains_most() {
         Verdict::EffectsFound
     } else if something_is_left {

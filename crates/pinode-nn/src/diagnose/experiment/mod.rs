@@ -22,7 +22,8 @@ pub use self::menu::short;
 use self::simulate::{Simulated, Simulator};
 use super::candidate::Candidate;
 use super::found::Found;
-use super::search::{Report, Search};
+use super::search::Search;
+use super::step::Report;
 use super::study::{Fitted, Study};
 use super::verdict::{Experiment, Name};
 

@@ -1,0 +1,314 @@
+//! One step of the search for what is missing: screen, refine, accept.
+
+use super::candidate::Candidate;
+use super::refine::{
+    Contender, FIRST_LOOK, ITERATIONS, polish, rank, refine, refine_one, would_relieve,
+};
+use super::remainder::Remainder;
+use super::score::samples_per_window;
+use super::screen::{self, Screen, Screened};
+use super::study::{Comparison, Fitted, RELIEF, Study};
+use crate::effect::{Family, Kind};
+use crate::hybrid::Placed;
+
+/// Candidates of a screen are refined first that are promised this share of what the best is; at most so many at once …
+const CLOSE: f64 = 0.2;
+const REFINED: usize = 5;
+/// … and others while what is accepted leaves a hint of more; of these, so many times, while it leaves more than it explains.
+const BATCHES: usize = 2;
+/// So many candidates with states of their own, where others leave something to explain …
+const SECOND_CHOICES: usize = 3;
+/// … if the screen promises them this share of what it promises the best of the others.
+const RIVALLING: f64 = 0.5;
+/// A candidate is refined when the screen promises it so many nats a sample: a fifth of the least gain that counts, for what is far from
+/// linear gains more than its linearisation promises; and that gain itself beside what was found, if that leaves nothing that follows from anything.
+const PROMISED: (f64, f64) = (0.01, 0.05);
+/// Least t² in the first screen, and in later ones.
+pub const LEAST_T2: (f64, f64) = (4.0, 6.0);
+/// So many candidates that stretched constants imitate are refined beside them.
+const RELIEVING: usize = 4;
+/// So many pairs are refined, where nothing is accepted.
+const PAIRS: usize = 4;
+/// Candidates with 1 − ρ² below this look alike to the screen.
+const ALIKE: f64 = 0.02;
+/// A gain that loses more than this share when the numerics are refined is numerical. One that grows was held back by them.
+const NUMERICAL: f64 = 0.3;
+
+/// One step of the search.
+#[derive(Clone, Default)]
+pub struct Step {
+    /// The screen, best first.
+    pub screened: Vec<Screened>,
+    /// What was refined, best first.
+    pub contenders: Vec<Contender>,
+    /// Which of them was accepted.
+    pub accepted: Option<usize>,
+}
+
+/// What the search tells of its progress.
+pub type Report<'a> = &'a dyn Fn(&str);
+
+/// Friction that remembers does what friction without a memory does, and more.
+pub fn is_second_choice(kind: &Kind) -> bool {
+    kind.family == Family::Memory
+}
+
+/// What has states of its own takes many times the time of what has none: it is tried where that leaves something to explain.
+fn is_dear(kind: &Kind) -> bool {
+    kind.states() > 0
+}
+
+/// One step: what is missing in `current`, the `first` thing or one beside what was found.
+pub fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Report) -> Step {
+    let looking = Looking {
+        study,
+        current,
+        first,
+        seed,
+        report,
+    };
+    let effects = current.hybrid.effects();
+    // What contains a law with a memory that is there is the next thing to ask.
+    let contains = |kind: &Kind| {
+        let contained = |e: &Placed| is_dear(e.kind) && kind.contains.contains(&e.kind.name);
+        effects.iter().any(contained)
+    };
+    let is_simple = |kind: &Kind| !is_dear(kind) || contains(kind);
+    let mut screen = screen::screen(study, current, is_simple);
+    let mut step = Step::default();
+    looking.ask_the_simple(&screen, &mut step);
+    if let Some(left) = looking.hint(&step) {
+        // Friction explains what nothing else does: beside a law that is accepted for what it explains it is asked in the end.
+        let firm = step.accepted().is_some_and(|c| c.comparison.explains());
+        let friction = !firm && left.may_be_friction();
+        let is_asked = |kind: &Kind| !is_simple(kind) && (friction || !is_second_choice(kind));
+        let dear = screen::screen(study, current, is_asked).ranked;
+        looking.ask_the_dear(&screen, &dear, &mut step);
+        screen.ranked.extend(dear);
+        if step.accepted.is_none() {
+            looking.ask_pairs(&screen, &mut step);
+        }
+    }
+    step.screened = screen.ranked;
+    step
+}
+
+/// What one step is about.
+struct Looking<'a> {
+    study: &'a Study,
+    current: &'a Fitted,
+    first: bool,
+    seed: u64,
+    report: Report<'a>,
+}
+
+impl Looking<'_> {
+    /// What the best model so far leaves, where that is worth a search.
+    fn hint(&self, step: &Step) -> Option<Remainder> {
+        let best = step.accepted().map_or(self.current, |c| &c.fitted);
+        best.hint(self.study, self.first).cloned()
+    }
+
+    fn least_t2(&self) -> f64 {
+        if self.first { LEAST_T2.0 } else { LEAST_T2.1 }
+    }
+
+    /// Refines candidates without states of their own: those closest to the best, those that stretched constants imitate, then others as
+    /// long as something is left.
+    fn ask_the_simple(&self, screen: &Screen, step: &mut Step) {
+        let (study, current) = (self.study, self.current);
+        let samples = current.inside_scores.len() as f64 * samples_per_window(&current.inside);
+        let enough = match self.first || current.hint(study, self.first).is_some() {
+            true => PROMISED.0 * samples,
+            false => PROMISED.1 * samples,
+        };
+        let promising = screen.ranked.iter();
+        let promising = promising.filter(|s| s.t2 > self.least_t2() && s.gain > enough);
+        let promising: Vec<&Screened> = promising.collect();
+        let leading = promising.first().map_or(0.0, |s| s.gain);
+        let close = promising.iter().take(REFINED);
+        let close = close.take_while(|s| s.gain > CLOSE * leading).count();
+        let (close, others) = promising.split_at(close);
+        let mut chosen = close.to_vec();
+        // What stretched tolerances imitate leaves no residual for the screen to see.
+        if current.inside.stretch > RELIEF {
+            let mut imitated: Vec<&Screened> = screen
+                .ranked
+                .iter()
+                .filter(|s| would_relieve(s) && !chosen.contains(s))
+                .collect();
+            imitated.sort_by(|a, b| b.relief.total_cmp(&a.relief));
+            chosen.extend(imitated.into_iter().take(RELIEVING));
+        }
+        self.refine_all(screen, &chosen, step);
+        for (batch, others) in others.chunks(REFINED).take(BATCHES).enumerate() {
+            match self.hint(step) {
+                None => break,
+                Some(left) if batch > 0 && step.explained() > left.gain => break,
+                Some(_) => self.refine_all(screen, others, step),
+            }
+        }
+    }
+
+    fn refine_all(&self, screen: &Screen, chosen: &[&Screened], step: &mut Step) {
+        let (study, current) = (self.study, self.current);
+        let new = |s: &&&Screened| {
+            let refined = &step.contenders;
+            !refined.iter().any(|c| c.added[..] == [s.candidate])
+        };
+        let chosen: Vec<&Screened> = chosen.iter().filter(new).copied().collect();
+        for s in chosen {
+            (self.report)(&format!("refining {}", s.candidate.kind.name));
+            let refined = refine_one(study, current, s, FIRST_LOOK);
+            step.contenders.push(refined);
+        }
+        polish(study, current, &mut step.contenders);
+        rank(&mut step.contenders, self.seed);
+        let alike = lookalikes(study, current, screen, &step.contenders, self.report);
+        step.contenders.extend(alike);
+        step.choose(study, current, self.seed);
+    }
+
+    /// Refines candidates with states of their own, `dear`, that rival what is accepted.
+    fn ask_the_dear(&self, screen: &Screen, dear: &[Screened], step: &mut Step) {
+        let leading = step.accepted().and_then(|c| {
+            let same = |s: &&Screened| s.candidate == c.added[0];
+            screen.ranked.iter().find(same).map(|s| s.gain)
+        });
+        let enough = RIVALLING * leading.unwrap_or(0.0);
+        let rivals = dear.iter();
+        let rivals = rivals.filter(|s| s.t2 > self.least_t2() && s.gain > enough);
+        let refined = refine_dear(self.study, self.current, rivals, self.report);
+        step.contenders.extend(refined);
+        step.choose(self.study, self.current, self.seed);
+    }
+
+    /// Refines pairs of candidates that mask one another.
+    fn ask_pairs(&self, screen: &Screen, step: &mut Step) {
+        let (study, current) = (self.study, self.current);
+        let mut joint: Vec<Contender> = Vec::new();
+        for pair in screen.pairs(PAIRS) {
+            let [(one, _), (other, _)] = &pair.members;
+            let names = (one.kind.name, other.kind.name);
+            (self.report)(&format!("refining {} with {}", names.0, names.1));
+            joint.push(refine(study, current, &pair.members));
+        }
+        rank(&mut joint, self.seed);
+        if let Some(k) = accept(study, current, &mut joint, self.seed) {
+            step.contenders = joint;
+            step.accepted = Some(k);
+        }
+    }
+}
+
+impl Step {
+    fn accepted(&self) -> Option<&Contender> {
+        self.contenders.get(self.accepted?)
+    }
+
+    fn choose(&mut self, study: &Study, current: &Fitted, seed: u64) {
+        rank(&mut self.contenders, seed);
+        self.accepted = accept(study, current, &mut self.contenders, seed);
+    }
+
+    /// What speaks for what is accepted, nats.
+    fn explained(&self) -> f64 {
+        self.accepted().map_or(0.0, |c| c.comparison.total())
+    }
+}
+
+/// The best candidates with states of their own, refined.
+pub fn refine_dear<'a>(
+    study: &Study,
+    current: &Fitted,
+    promising: impl Iterator<Item = &'a Screened>,
+    report: Report,
+) -> Vec<Contender> {
+    let refined = promising.take(SECOND_CHOICES).map(|s| {
+        report(&format!("refining {}", s.candidate.kind.name));
+        refine_one(study, current, s, ITERATIONS)
+    });
+    let mut refined: Vec<Contender> = refined.collect();
+    polish(study, current, &mut refined);
+    refined
+}
+
+/// What looks like the best contender and was not refined: the data may not tell them apart, which has to be said.
+pub fn lookalikes(
+    study: &Study,
+    current: &Fitted,
+    screen: &Screen,
+    contenders: &[Contender],
+    report: Report,
+) -> Vec<Contender> {
+    let Some(best) = contenders.iter().find(|c| c.is_acceptable()) else {
+        return Vec::new();
+    };
+    let refined = |c: &Candidate| contenders.iter().any(|other| other.added[..] == [*c]);
+    let alike = screen.lookalikes(&best.added[0], ALIKE);
+    let new = alike.into_iter().filter(|s| !refined(&s.candidate));
+    new.take(2)
+        .map(|s| {
+            report(&format!("refining {}", s.candidate.kind.name));
+            refine_one(study, current, s, ITERATIONS)
+        })
+        .collect()
+}
+
+/// The best contender whose gain is significant on both sides and not numerical.
+pub fn accept(
+    study: &Study,
+    current: &Fitted,
+    contenders: &mut [Contender],
+    seed: u64,
+) -> Option<usize> {
+    let mut accepted = None;
+    for k in 0..contenders.len() {
+        let contender = &mut contenders[k];
+        if !contender.is_acceptable() {
+            continue;
+        }
+        let known = contender.numerically_sound;
+        let sound = known.unwrap_or_else(|| is_numerically_sound(study, current, contender));
+        contender.numerically_sound = Some(sound);
+        if sound {
+            accepted = Some(simpler(contenders, k).unwrap_or(k));
+            break;
+        }
+    }
+    // Without those that were found to be numerical; the order stays.
+    rank(contenders, seed);
+    accepted
+}
+
+/// The best accepted contender with fewer constants than the `k`th, unless the `k`th would be accepted beside it: a name with more
+/// constants earns its place against one with fewer as it would against none.
+pub fn simpler(contenders: &[Contender], k: usize) -> Option<usize> {
+    let best = &contenders[k];
+    let constants = |c: &Contender| c.fitted.inside.free.len();
+    contenders.iter().position(|other| {
+        constants(other) < constants(best)
+            && other.is_acceptable()
+            && !Comparison::of(&best.fitted, &other.fitted).explains()
+    })
+}
+
+/// Whether the gain stands when both models are fitted with half the step and half the smoothing.
+fn is_numerically_sound(study: &Study, current: &Fitted, contender: &Contender) -> bool {
+    // A gain as large as this is not made of integration errors below a tenth of the noise.
+    if contender.comparison.inside_gain > 0.5 || contender.imitated {
+        return true;
+    }
+    let fine = Study {
+        finer: 2,
+        ..study.clone()
+    };
+    let again = |fitted: &Fitted| {
+        let hybrid = fitted.hybrid.with_smoothing_scale(0.5);
+        let start = fitted.start(fitted.inside.theta.clone());
+        fine.fit(hybrid, start, 1, 6)
+    };
+    let finer = Comparison::of(&again(&contender.fitted), &again(current));
+    (finer.explains() || (contender.comparison.relieves() && finer.relieves()))
+        && finer.total() > (1.0 - NUMERICAL) * contender.comparison.total()
+}
