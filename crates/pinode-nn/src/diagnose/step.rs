@@ -77,15 +77,17 @@ pub fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report:
     let mut screen = screen::screen(study, current, is_simple);
     let mut step = Step::default();
     looking.ask_the_simple(&screen, &mut step);
-    if let Some(left) = looking.hint(&step) {
+    let left = looking.hint(&step);
+    // The blows of a play look like no law of what was measured.
+    if left.is_some() || (first && step.accepted.is_none()) {
         // Friction explains what nothing else does: beside a law that is accepted for what it explains it is asked in the end.
         let firm = step.accepted().is_some_and(|c| c.comparison.explains());
-        let friction = !firm && left.may_be_friction();
+        let friction = !firm && left.as_ref().is_some_and(Remainder::may_be_friction);
         let is_asked = |kind: &Kind| !is_simple(kind) && (friction || !is_second_choice(kind));
         let dear = screen::screen(study, current, is_asked).ranked;
         looking.ask_the_dear(&screen, &dear, &mut step);
         screen.ranked.extend(dear);
-        if step.accepted.is_none() {
+        if step.accepted.is_none() && left.is_some() {
             looking.ask_pairs(&screen, &mut step);
         }
     }
@@ -109,6 +111,12 @@ impl Looking<'_> {
         best.hint(self.study, self.first).cloned()
     }
 
+    /// The number of samples in the seen windows.
+    fn samples(&self) -> f64 {
+        let seen = &self.current.inside;
+        self.current.inside_scores.len() as f64 * samples_per_window(seen)
+    }
+
     fn least_t2(&self) -> f64 {
         if self.first { LEAST_T2.0 } else { LEAST_T2.1 }
     }
@@ -117,10 +125,9 @@ impl Looking<'_> {
     /// long as something is left.
     fn ask_the_simple(&self, screen: &Screen, step: &mut Step) {
         let (study, current) = (self.study, self.current);
-        let samples = current.inside_scores.len() as f64 * samples_per_window(&current.inside);
         let enough = match self.first || current.hint(study, self.first).is_some() {
-            true => PROMISED.0 * samples,
-            false => PROMISED.1 * samples,
+            true => PROMISED.0 * self.samples(),
+            false => PROMISED.1 * self.samples(),
         };
         let promising = screen.ranked.iter();
         let promising = promising.filter(|s| s.t2 > self.least_t2() && s.gain > enough);
@@ -175,7 +182,7 @@ impl Looking<'_> {
             let same = |s: &&Screened| s.candidate == c.added[0];
             screen.ranked.iter().find(same).map(|s| s.gain)
         });
-        let enough = RIVALLING * leading.unwrap_or(0.0);
+        let enough = (RIVALLING * leading.unwrap_or(0.0)).max(PROMISED.0 * self.samples());
         let rivals = dear.iter();
         let rivals = rivals.filter(|s| s.t2 > self.least_t2() && s.gain > enough);
         let refined = refine_dear(self.study, self.current, rivals, self.report);
