@@ -22,6 +22,8 @@ const FURTHER: usize = 8;
 const ROUNDS: [usize; 2] = [12, 4];
 /// A rival goes on while it makes good this share of what it lacks in a round.
 const CATCHING_UP: f64 = 0.25;
+/// What relieves stretched tolerances is there when so many standard errors say so, as many as that relief is of the tolerances.
+const SURE: f64 = 4.0;
 /// What gives for longer than this, s, is a spring and no stop.
 const LONGEST_BLOW: f64 = 0.15;
 
@@ -40,6 +42,8 @@ pub struct Contender {
     pub score: f64,
     /// Whether its parameters make it what it is called.
     pub is_sensible: bool,
+    /// Whether a parameter of each that was added is [`SURE`] standard errors from where it does nothing.
+    pub is_sure: bool,
     /// Share of 400 bootstraps over windows in which it has the best score of its step.
     pub wins: f64,
     /// Whether its gain stands under a finer integration and a narrower smoothing; `None`: not asked.
@@ -49,8 +53,8 @@ pub struct Contender {
 impl Contender {
     /// Whether it would be accepted by itself.
     pub fn is_acceptable(&self) -> bool {
-        self.is_sensible
-            && (self.comparison.explains() || (self.imitated && self.comparison.relieves()))
+        let relieves = self.imitated && self.is_sure && self.comparison.relieves();
+        self.is_sensible && (self.comparison.explains() || relieves)
     }
 }
 
@@ -152,6 +156,7 @@ pub fn contender(
         .saturating_sub(current.inside.free.len());
     Contender {
         is_sensible: added.iter().all(|c| is_sensible(study, c, &fitted)),
+        is_sure: added.iter().all(|c| is_sure(c, &fitted)),
         added,
         imitated: false,
         comparison: Comparison::of(&fitted, current),
@@ -173,6 +178,25 @@ fn is_sensible(study: &Study, candidate: &Candidate, fitted: &Fitted) -> bool {
     effect.is_some_and(|range| {
         let blow = stop.blow(mass, &fitted.inside.theta[range]);
         blow < LONGEST_BLOW
+    })
+}
+
+/// Whether a parameter of a fitted effect is surely not what it is where the effect does nothing. Residuals that hang together stretch
+/// tolerances by more than their number says; these errors, by the jackknife over windows, know.
+fn is_sure(candidate: &Candidate, fitted: &Fitted) -> bool {
+    let Some(index) = position(fitted, candidate) else {
+        return false;
+    };
+    let fit = &fitted.inside;
+    let errors = fit.standard_errors();
+    let own = fitted.hybrid.range(index).zip(candidate.kind.parameters);
+    own.into_iter().any(|(i, spec)| {
+        let error = fit
+            .free
+            .iter()
+            .position(|&free| free == i)
+            .map(|k| errors[k]);
+        error.is_some_and(|error| (fit.theta[i] - spec.neutral).abs() > SURE * error)
     })
 }
 
