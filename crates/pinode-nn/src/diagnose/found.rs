@@ -8,7 +8,7 @@ use super::remainder::Remainder;
 use super::screen::screen;
 use super::step::{LEAST_T2, Report, Step, is_second_choice, lookalikes, simpler};
 use super::study::{Comparison, Fitted, Study};
-use crate::effect::Kind;
+use crate::effect::{ActsOn, Kind};
 use crate::hybrid::Hybrid;
 
 /// A found effect.
@@ -218,7 +218,7 @@ fn weigh(
         let tied = own.is_some_and(|own| !contains && are_tied(own, rival));
         if other == candidate || contains {
             confidence += rival.wins;
-        } else if are_twins(&candidate, &other) || tied {
+        } else if are_twins(&candidate, &other, &model.hybrid) || tied {
             confidence += rival.wins;
             indistinguishable.push(other);
         } else if rival.wins > 0.0 {
@@ -265,33 +265,51 @@ fn are_tied(own: &Contender, rival: &Contender) -> bool {
         || (rival.score > own.score && !lead.explains())
 }
 
-/// The offset class: while sliding, a constant force and a difference of Coulomb friction between the directions are one equation.
-const OFFSET_CLASS: [&str; 2] = ["constant_force", "asymmetric_coulomb_friction"];
+/// The offset class: while sliding, a constant force, an offset of the input and a difference of Coulomb friction between the directions are one
+/// equation.
+const OFFSET_CLASS: [&str; 3] = [
+    "constant_force",
+    "asymmetric_coulomb_friction",
+    "input_offset",
+];
 
 fn in_offset_class(kind: &Kind) -> bool {
     OFFSET_CLASS.contains(&kind.name)
 }
 
-fn are_twins(a: &Candidate, b: &Candidate) -> bool {
-    a.target == b.target && in_offset_class(a.kind) && in_offset_class(b.kind)
+/// The coordinate that an effect of the offset class pushes.
+fn pushed(candidate: &Candidate, hybrid: &Hybrid) -> usize {
+    match candidate.kind.acts_on() {
+        ActsOn::Input => hybrid.coordinate_of(candidate.kind, candidate.target),
+        _ => candidate.target,
+    }
 }
 
-/// The twins of a found effect in a model with Coulomb friction on the same coordinate.
+fn are_twins(a: &Candidate, b: &Candidate, hybrid: &Hybrid) -> bool {
+    let both = in_offset_class(a.kind) && in_offset_class(b.kind);
+    both && pushed(a, hybrid) == pushed(b, hybrid)
+}
+
+/// The twins of a found effect: a difference of Coulomb friction only where there is such friction on the same coordinate.
 fn twins_of(candidate: &Candidate, model: &Fitted) -> Vec<Candidate> {
-    let rubs = model.hybrid.effects().iter().any(|e| {
-        e.target == candidate.target
-            && (e.kind.name == "coulomb_friction" || e.kind.name == "asymmetric_coulomb_friction")
-    });
-    if !in_offset_class(candidate.kind) || !rubs {
+    let hybrid = &model.hybrid;
+    if !in_offset_class(candidate.kind) {
         return Vec::new();
     }
+    let rubs = hybrid.effects().iter().any(|e| {
+        e.target == pushed(candidate, hybrid)
+            && (e.kind.name == "coulomb_friction" || e.kind.name == "asymmetric_coulomb_friction")
+    });
     OFFSET_CLASS
         .iter()
         .filter_map(|name| crate::effect::registry::find(name))
-        .filter(|kind| *kind != candidate.kind)
-        .map(|kind| Candidate {
-            kind,
-            target: candidate.target,
+        .flat_map(|kind| (0..hybrid.nv().max(hybrid.inputs())).map(move |target| (kind, target)))
+        .filter(|(kind, target)| match kind.acts_on() {
+            ActsOn::Input => *target < hybrid.inputs(),
+            _ => *target < hybrid.nv(),
         })
+        .filter(|(kind, _)| rubs || kind.name != "asymmetric_coulomb_friction")
+        .map(|(kind, target)| Candidate { kind, target })
+        .filter(|twin| twin != candidate && are_twins(candidate, twin, hybrid))
         .collect()
 }
