@@ -72,11 +72,7 @@ pub fn run(case: &Case, models: &Path, dir: &Path, alone: bool) -> Result<Line, 
     let model = Model::load(&prepared.model)?;
     let log = Log::read(&prepared.log, &model)?;
     let without = match case.set {
-        Set::Removed => prepared
-            .hidden
-            .iter()
-            .flat_map(|truth| removed(&truth.kind))
-            .collect(),
+        Set::Removed => prepared.hidden.iter().flat_map(removed).collect(),
         _ => Vec::new(),
     };
     if alone {
@@ -137,21 +133,25 @@ pub fn run(case: &Case, models: &Path, dir: &Path, alone: bool) -> Result<Line, 
     Ok(line)
 }
 
-/// Kinds of one equation on these rigs: of the motor's offset, of a force on what it drives and, while that slides, of a difference of
-/// friction between the directions; and of inertia that slides along the level rail.
-const OF_ONE_EQUATION: [&[&str]; 2] = [
-    &[
-        "input_offset",
-        "constant_force",
-        "asymmetric_coulomb_friction",
-    ],
-    &["added_mass", "reflected_inertia"],
+/// Kinds of one equation: of an offset of the motor, of a force on what it drives and, while that slides, of a difference of friction between the
+/// directions.
+const OFFSETS: [&str; 3] = [
+    "input_offset",
+    "constant_force",
+    "asymmetric_coulomb_friction",
 ];
+/// And of what slides along the level rail of the cart-pole.
+const SLIDING: [&str; 2] = ["added_mass", "reflected_inertia"];
 
-/// The kinds without which the library knows nothing of `kind`: itself, those that it is a special case of, and those of its equation.
-fn removed(kind: &str) -> Vec<&'static Kind> {
-    let alike = OF_ONE_EQUATION.into_iter().filter(|c| c.contains(&kind));
-    let alike: Vec<&str> = alike.flatten().copied().chain([kind]).collect();
+/// The kinds without which the library knows nothing of `truth`: its own, those that that is a special case of, and those of its equation.
+fn removed(truth: &Truth) -> Vec<&'static Kind> {
+    let kind = truth.kind.as_str();
+    let slides = ["cart", "slider"].contains(&truth.target.as_str());
+    let alike: &[&str] = match kind {
+        _ if OFFSETS.contains(&kind) => &OFFSETS,
+        _ if slides && SLIDING.contains(&kind) => &SLIDING,
+        _ => &[kind],
+    };
     let is_removed =
         |k: &&Kind| alike.contains(&k.name) || alike.iter().any(|own| k.contains.contains(own));
     registry::ALL.iter().copied().filter(is_removed).collect()

@@ -124,6 +124,8 @@ fn experiment(a: &str, b: &str) -> &'static str {
     let is = |x: &str| a == x || b == x;
     if is("constant_force") && is("asymmetric_coulomb_friction") {
         "turn the rig or its rail by 180° (a constant force changes sign, friction does not)"
+    } else if is("input_offset") {
+        "switch the input off, or take its plug out: what pushes from elsewhere stays, an offset of the input does not"
     } else if is("input_gain_error") {
         "let it move without input: the gain then has no part in it"
     } else if is("quadratic_drag")

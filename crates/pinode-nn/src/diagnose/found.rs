@@ -154,6 +154,7 @@ pub fn revisit(
             rivals
         };
         found.push(weigh(
+            study,
             added[k],
             &rivals,
             Comparison::of(current, &reduced),
@@ -196,6 +197,7 @@ fn rivals(
 
 /// The confidence in a found effect among its rivals; what the data do not tell apart counts together.
 fn weigh(
+    study: &Study,
     candidate: Candidate,
     rivals: &[Contender],
     comparison: Comparison,
@@ -205,6 +207,7 @@ fn weigh(
     let mut confidence = 0.0;
     let mut alternatives = Vec::new();
     let mut indistinguishable: Vec<Candidate> = Vec::new();
+    let twins = twins_of(study, &candidate, model);
     for rival in rivals {
         let [other] = rival.added[..] else {
             if rival.added.contains(&candidate) {
@@ -218,7 +221,7 @@ fn weigh(
         let tied = own.is_some_and(|own| !contains && are_tied(own, rival));
         if other == candidate || contains {
             confidence += rival.wins;
-        } else if are_twins(&candidate, &other, &model.hybrid) || tied {
+        } else if twins.contains(&other) || tied {
             confidence += rival.wins;
             indistinguishable.push(other);
         } else if rival.wins > 0.0 {
@@ -234,7 +237,7 @@ fn weigh(
         _ => None,
     });
     let fitted: Vec<(Candidate, Fitted)> = fitted.collect();
-    for twin in twins_of(&candidate, model) {
+    for twin in twins {
         if !indistinguishable.contains(&twin) {
             indistinguishable.push(twin);
         }
@@ -277,7 +280,7 @@ fn in_offset_class(kind: &Kind) -> bool {
     OFFSET_CLASS.contains(&kind.name)
 }
 
-/// The coordinate that an effect of the offset class pushes.
+/// The coordinate that an effect on a joint or an input acts on.
 fn pushed(candidate: &Candidate, hybrid: &Hybrid) -> usize {
     match candidate.kind.acts_on() {
         ActsOn::Input => hybrid.coordinate_of(candidate.kind, candidate.target),
@@ -285,31 +288,46 @@ fn pushed(candidate: &Candidate, hybrid: &Hybrid) -> usize {
     }
 }
 
-fn are_twins(a: &Candidate, b: &Candidate, hybrid: &Hybrid) -> bool {
-    let both = in_offset_class(a.kind) && in_offset_class(b.kind);
-    both && pushed(a, hybrid) == pushed(b, hybrid)
-}
+/// Kinds that make another force of an offset of the input than a constant one, or more of it where there is a force.
+const BEHIND_INPUTS: [&str; 3] = [
+    "input_saturation",
+    "input_dead_zone",
+    "load_dependent_friction",
+];
 
-/// The twins of a found effect: a difference of Coulomb friction only where there is such friction on the same coordinate.
-fn twins_of(candidate: &Candidate, model: &Fitted) -> Vec<Candidate> {
+/// The twins of a found effect: a difference of Coulomb friction only where there is such friction on the same coordinate, an offset of the
+/// input only where that arrives as it is.
+fn twins_of(study: &Study, candidate: &Candidate, model: &Fitted) -> Vec<Candidate> {
     let hybrid = &model.hybrid;
     if !in_offset_class(candidate.kind) {
         return Vec::new();
     }
-    let rubs = hybrid.effects().iter().any(|e| {
-        e.target == pushed(candidate, hybrid)
-            && (e.kind.name == "coulomb_friction" || e.kind.name == "asymmetric_coulomb_friction")
-    });
+    let place = pushed(candidate, hybrid);
+    let there = |names: &[&str]| {
+        hybrid.effects().iter().any(|e| {
+            let (kind, target) = (e.kind, e.target);
+            names.contains(&kind.name) && pushed(&Candidate { kind, target }, hybrid) == place
+        })
+    };
+    let rubs = there(&["coulomb_friction", "asymmetric_coulomb_friction"]);
+    let changed = there(&BEHIND_INPUTS);
+    let is_input = |kind: &Kind| kind.acts_on() == ActsOn::Input;
+    let is_twin = |twin: &Candidate| {
+        let apart = changed && is_input(twin.kind) != is_input(candidate.kind);
+        let smooth = !rubs && twin.kind.name == "asymmetric_coulomb_friction";
+        twin != candidate && pushed(twin, hybrid) == place && !apart && !smooth
+    };
     OFFSET_CLASS
         .iter()
         .filter_map(|name| crate::effect::registry::find(name))
-        .flat_map(|kind| (0..hybrid.nv().max(hybrid.inputs())).map(move |target| (kind, target)))
-        .filter(|(kind, target)| match kind.acts_on() {
-            ActsOn::Input => *target < hybrid.inputs(),
-            _ => *target < hybrid.nv(),
+        .filter(|kind| !study.without.contains(kind))
+        .flat_map(|kind| {
+            let targets = match is_input(kind) {
+                true => hybrid.inputs(),
+                false => hybrid.nv(),
+            };
+            (0..targets).map(move |target| Candidate { kind, target })
         })
-        .filter(|(kind, _)| rubs || kind.name != "asymmetric_coulomb_friction")
-        .map(|(kind, target)| Candidate { kind, target })
-        .filter(|twin| twin != candidate && are_twins(candidate, twin, hybrid))
+        .filter(is_twin)
         .collect()
 }

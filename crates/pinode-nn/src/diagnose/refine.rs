@@ -156,7 +156,7 @@ pub fn contender(
         .saturating_sub(current.inside.free.len());
     Contender {
         is_sensible: added.iter().all(|c| is_sensible(study, c, &fitted)),
-        is_sure: added.iter().all(|c| is_sure(c, &fitted)),
+        is_sure: added.iter().all(|c| is_sure(study, c, current, &fitted)),
         added,
         imitated: false,
         comparison: Comparison::of(&fitted, current),
@@ -181,23 +181,29 @@ fn is_sensible(study: &Study, candidate: &Candidate, fitted: &Fitted) -> bool {
     })
 }
 
-/// Whether a parameter of a fitted effect is surely not what it is where the effect does nothing. Residuals that hang together stretch
-/// tolerances by more than their number says; these errors, by the jackknife over windows, know.
-fn is_sure(candidate: &Candidate, fitted: &Fitted) -> bool {
+/// Whether a parameter of a fitted effect is surely not what it is where the effect changes nothing of `current`: of those that a probe moves
+/// from there. Residuals that hang together stretch tolerances by more than their number says; these errors, by the jackknife over windows, know.
+fn is_sure(study: &Study, candidate: &Candidate, current: &Fitted, fitted: &Fitted) -> bool {
     let Some(index) = position(fitted, candidate) else {
         return false;
     };
     let fit = &fitted.inside;
     let errors = fit.standard_errors();
-    let own = fitted.hybrid.range(index).zip(candidate.kind.parameters);
-    own.into_iter().any(|(i, spec)| {
+    let contained = candidate.contained(&current.hybrid, &current.inside.theta);
+    let scales = candidate.scales(&current.hybrid, &study.scales);
+    let probes = (candidate.kind.probes)(&scales, &contained);
+    let is_off = |i: usize, k: usize| {
         let error = fit
             .free
             .iter()
             .position(|&free| free == i)
             .map(|k| errors[k]);
-        error.is_some_and(|error| (fit.theta[i] - spec.neutral).abs() > SURE * error)
-    })
+        let far = |neutral: f64| error.is_some_and(|e| (fit.theta[i] - neutral).abs() > SURE * e);
+        let mut moved = probes.iter().filter(|p| p.neutral[k] != p.perturbed[k]);
+        moved.any(|probe| far(probe.neutral[k]))
+    };
+    let mut own = fitted.hybrid.range(index).enumerate();
+    own.any(|(k, i)| is_off(i, k))
 }
 
 /// Contenders within half of the leader's gain are fitted again from the leader's initial states, so that none loses by a poor start;

@@ -94,9 +94,16 @@ pub fn remainder(study: &Study, fitted: &Fitted) -> Option<Remainder> {
         .collect();
     let by_motion = explained.iter().filter(|r| !r.follows.is_of_input());
     let by_motion = by_motion.map(|r| r.gain).fold(0.0, f64::max);
-    if explained.iter().any(Remainder::is_significant) {
-        explained.retain(Remainder::is_significant);
-    }
+    // What is there beyond doubt hides what is not, and a hint what is none.
+    let counts: [fn(&Remainder) -> bool; 3] = [
+        Remainder::is_significant,
+        |left| left.is_hint(false),
+        |left| left.is_hint(true),
+    ];
+    let counts = counts
+        .into_iter()
+        .find(|counts| explained.iter().any(counts))?;
+    explained.retain(counts);
     let best_of = |past: bool| {
         let some = explained.iter().filter(|r| r.follows.is_past() == past);
         some.max_by(|a, b| a.gain.total_cmp(&b.gain))

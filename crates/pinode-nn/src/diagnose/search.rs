@@ -133,7 +133,8 @@ fn rivals_of_the_first(first: &Step, null: &Fitted) -> Vec<usize> {
     };
     let mut rivals: Vec<usize> = Vec::new();
     for (k, rival) in first.contenders.iter().enumerate() {
-        let strong = rival.is_acceptable() && rival.score - base > 0.4 * gain;
+        let sound = rival.is_acceptable() && rival.numerically_sound != Some(false);
+        let strong = sound && rival.score - base > 0.4 * gain;
         if !strong || root(k) == root(accepted) {
             continue;
         }

@@ -14,7 +14,8 @@ use crate::hybrid::Placed;
 /// Candidates of a screen are refined first that are promised this share of what the best is; at most so many at once …
 const CLOSE: f64 = 0.2;
 const REFINED: usize = 5;
-/// … and others while what is accepted leaves a hint of more; of these, so many times, while it leaves more than it explains.
+/// … then as many of the others where what is accepted leaves a hint of more, and again, so many times in all, where it leaves more than it
+/// explains.
 const BATCHES: usize = 2;
 /// So many candidates with states of their own, where others leave something to explain …
 const SECOND_CHOICES: usize = 3;
@@ -272,14 +273,10 @@ pub fn accept(
     let mut accepted = None;
     for k in 0..contenders.len() {
         let contender = &mut contenders[k];
-        if !contender.is_acceptable() {
-            continue;
-        }
-        let known = contender.numerically_sound;
-        let sound = known.unwrap_or_else(|| is_numerically_sound(study, current, contender));
-        contender.numerically_sound = Some(sound);
-        if sound {
-            accepted = Some(simpler(contenders, k).unwrap_or(k));
+        if contender.is_acceptable() && contender.is_sound(study, current) {
+            let simpler = simpler(contenders, k);
+            let simpler = simpler.filter(|&j| contenders[j].is_sound(study, current));
+            accepted = Some(simpler.unwrap_or(k));
             break;
         }
     }
@@ -296,8 +293,19 @@ pub fn simpler(contenders: &[Contender], k: usize) -> Option<usize> {
     contenders.iter().position(|other| {
         constants(other) < constants(best)
             && other.is_acceptable()
+            && other.numerically_sound != Some(false)
             && !Comparison::of(&best.fitted, &other.fitted).explains()
     })
+}
+
+impl Contender {
+    /// Whether its gain is not numerical; asked once.
+    fn is_sound(&mut self, study: &Study, current: &Fitted) -> bool {
+        let known = self.numerically_sound;
+        let sound = known.unwrap_or_else(|| is_numerically_sound(study, current, self));
+        self.numerically_sound = Some(sound);
+        sound
+    }
 }
 
 /// Whether the gain stands when both models are fitted with half the step and half the smoothing.

@@ -205,9 +205,9 @@ impl Study {
 
     /// One in `share` of the windows, if they are many enough, and there what a fitted model starts from.
     pub fn some_windows(&self, fitted: &Fitted, share: usize) -> (Study, Fitted) {
-        let share = share
-            .min(self.windows.held_out.len() / (FEWEST_WINDOWS / 2))
-            .max(1);
+        let many = (self.windows.fit.len() / FEWEST_WINDOWS)
+            .min(self.windows.held_out.len() / (FEWEST_WINDOWS / 2));
+        let share = share.min(many).max(1);
         fn some<T: Clone>(all: &[T], share: usize) -> Vec<T> {
             all.iter().step_by(share).cloned().collect()
         }

@@ -186,7 +186,10 @@ impl<T: Scalar, const N: usize> Scalar for Dual<T, N> {
         self.chain(root, T::constant(0.5) / root)
     }
     fn powi(self, n: i32) -> Self {
-        let slope = self.re.powi(n - 1) * f64::from(n);
+        let slope = match n {
+            0 => T::zero(),
+            n => self.re.powi(n - 1) * f64::from(n),
+        };
         self.chain(self.re.powi(n), slope)
     }
     fn powf(self, n: f64) -> Self {

@@ -34,7 +34,7 @@ pub trait MemoryLaw: Send + Sync + 'static {
         None
     }
 
-    /// Whether the law never decides by a number: it asks for no [`Scalar::re`], and calls no `min`, `max` or `pow`, which do. Such laws
+    /// Whether the law never decides by a number: it asks for no [`Scalar::re`], and calls no `min`, `max`, `pow` or `inverse_above`, which do. Such laws
     /// are evaluated for eight states at once.
     fn takes_lanes(&self) -> bool {
         false

@@ -7,7 +7,7 @@ use crate::effect::{MOST_STATES, MemoryForce, Scales, Seen};
 
 /// Longest step of a pass, in units of the fastest rate.
 const RESOLVED: f64 = 0.5;
-/// At most so many steps of a pass in one integration step of the model; a state that is faster follows the motion.
+/// At most so many steps of a pass in one integration step of the model; a single state that is faster follows the motion.
 const MOST_STEPS: usize = 16;
 
 /// h along a recording.
