@@ -79,11 +79,11 @@ pub fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report:
     let mut step = Step::default();
     looking.ask_the_simple(&screen, &mut step);
     let left = looking.hint(&step);
-    // The blows of a play, or bristles that bend in a moment, look like no law of what was measured.
+    // The blows of a play look like no law of what was measured.
     if left.is_some() || (first && step.accepted.is_none()) {
         // Friction explains what nothing else does: beside a law that is accepted for what it explains it is asked in the end.
         let firm = step.accepted().is_some_and(|c| c.comparison.explains());
-        let friction = !firm && left.as_ref().is_none_or(Remainder::may_be_friction);
+        let friction = !firm && left.as_ref().is_some_and(Remainder::may_be_friction);
         let is_asked = |kind: &Kind| !is_simple(kind) && (friction || !is_second_choice(kind));
         let dear = screen::screen(study, current, is_asked).ranked;
         looking.ask_the_dear(&screen, &dear, &mut step);
