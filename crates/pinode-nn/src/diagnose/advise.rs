@@ -1,7 +1,7 @@
 //! What to do or to record next.
 
 use super::experiment::{Outcome, Split, short};
-use super::misfit::{UNEXPLAINED, is_unexplained};
+use super::misfit::is_unexplained;
 use super::search::Search;
 use super::study::Study;
 use super::verdict::{NamedEffect, Numerics, Verdict};
@@ -48,9 +48,7 @@ pub fn advise(
              for it.",
             left.follows.words(joint)
         ));
-    } else if verdict != Verdict::NothingMissing
-        && is_unexplained(study, &search.model, UNEXPLAINED)
-    {
+    } else if verdict != Verdict::NothingMissing && is_unexplained(study, &search.model) {
         let coordinates = search.model.hybrid.mechanics().coordinates();
         let excess: Vec<String> = search
             .model

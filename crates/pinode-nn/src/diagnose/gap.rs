@@ -209,7 +209,7 @@ fn rolled(
         .collect();
     let substeps = study.substeps_for(hybrid, theta);
     let paths = study.hidden_paths(hybrid, theta, substeps);
-    let hidden = study.hidden_prior(hybrid, theta, &leads, &paths);
+    let hidden = study.hidden_prior(hybrid, (theta, true), &leads, &paths);
     let guess = |(w, h): (&Window, &Vec<f64>)| [first_guess(w.run, w.first), h.clone()].concat();
     let guesses = leads.iter().zip(&hidden.means).map(guess).collect();
     let noise = observations.channels.iter().map(|c| c.noise).collect();

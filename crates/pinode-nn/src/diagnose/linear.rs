@@ -43,7 +43,7 @@ impl<'a> Linearisation<'a> {
     pub fn new(study: &'a Study, fitted: &'a Fitted) -> Self {
         let (hybrid, fit) = (&fitted.hybrid, &fitted.inside);
         let paths = study.hidden_paths(hybrid, &fit.theta, fitted.substeps);
-        let hidden = study.hidden_prior(hybrid, &fit.theta, &study.windows.fit, &paths);
+        let hidden = study.hidden_prior(hybrid, (&fit.theta, true), &study.windows.fit, &paths);
         let mut linear = Linearisation {
             study,
             fitted,

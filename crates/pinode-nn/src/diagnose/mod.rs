@@ -161,7 +161,7 @@ pub(crate) fn diagnose_into(
         .collect();
     let mut search = cleaned.search(seed, report);
     // What a wrong model hides among its own errors may show beside the found one.
-    if misfit::is_unexplained(&cleaned.prepared.study, &search.model, misfit::UNEXPLAINED)
+    if misfit::is_unexplained(&cleaned.prepared.study, &search.model)
         && cleaned.look_again(model, &search, &names, report)
     {
         search = cleaned.search(seed, report);
@@ -239,8 +239,7 @@ pub(crate) fn diagnose_into(
     .collect();
     gap.regions = regions::regions(&residuals, &free_runs, &gap.coordinates);
 
-    let something_is_left =
-        search.left.is_some() || misfit::is_unexplained(study, &search.model, misfit::UNEXPLAINED);
+    let something_is_left = search.left.is_some() || misfit::is_unexplained(study, &search.model);
     let verdict = if !search.found.is_empty() && search.explains_most() {
         Verdict::EffectsFound
     } else if something_is_left {

@@ -72,7 +72,8 @@ impl Remainder {
     }
 }
 
-/// The general force that explains most of what `fitted` leaves in the seen windows; one that is there beyond doubt before all others.
+/// The general force that explains most of what `fitted` leaves in the seen windows; one that is there beyond doubt before all
+/// others. `None` where not even a hint is.
 pub fn remainder(study: &Study, fitted: &Fitted) -> Option<Remainder> {
     let groups = shapes(study, fitted);
     let samples = samples_per_window(&fitted.inside);

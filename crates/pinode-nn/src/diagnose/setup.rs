@@ -246,6 +246,10 @@ fn scales(hybrid: &Hybrid, smoothed: &[Smoothed], observations: &Observations) -
                 mass: positive(entry / f64::max(n, 1.0)),
                 input: (input / f64::max(count, 1.0)).sqrt(),
                 largest_input: largest,
+                noise: observations
+                    .channels
+                    .get(c)
+                    .map_or(f64::INFINITY, |own| own.noise),
             }
         })
         .collect()

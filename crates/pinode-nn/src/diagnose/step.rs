@@ -38,7 +38,7 @@ const NUMERICAL: f64 = 0.3;
 /// One step of the search.
 #[derive(Clone, Default)]
 pub struct Step {
-    /// The screen, best first.
+    /// The screen: what is simple, best first, then what has states of its own, where that was asked.
     pub screened: Vec<Screened>,
     /// What was refined, best first.
     pub contenders: Vec<Contender>,
@@ -274,9 +274,15 @@ pub fn accept(
     for k in 0..contenders.len() {
         let contender = &mut contenders[k];
         if contender.is_acceptable() && contender.is_sound(study, current) {
-            let simpler = simpler(contenders, k);
-            let simpler = simpler.filter(|&j| contenders[j].is_sound(study, current));
-            accepted = Some(simpler.unwrap_or(k));
+            // What is found to be numerical is no simpler name from then on.
+            let mut best = k;
+            while let Some(j) = simpler(contenders, k) {
+                if contenders[j].is_sound(study, current) {
+                    best = j;
+                    break;
+                }
+            }
+            accepted = Some(best);
             break;
         }
     }

@@ -19,6 +19,8 @@ const RESOLVED: f64 = 1.5;
 /// [`STILL`] of what the data would determine it to if all others were known.
 const FURTHER_PATHS: usize = 2;
 const STILL: f64 = 0.1;
+/// Iterations of the initial states alone once the constants that they follow from are known better.
+const STATES_ALONE: usize = 3;
 /// Effects with a memory may take so many times the integration steps of the other ones.
 const MOST_REFINED: usize = 4;
 
@@ -240,11 +242,11 @@ impl Study {
             .collect()
     }
 
-    /// What is known of hidden states at the start of windows.
+    /// What is known of hidden states at the start of windows, by θ that is `fitted` or still to be.
     pub fn hidden_prior(
         &self,
         hybrid: &Hybrid,
-        theta: &[f64],
+        (theta, fitted): (&[f64], bool),
         windows: &[Window],
         paths: &[HiddenPath],
     ) -> HiddenPrior {
@@ -254,7 +256,7 @@ impl Study {
         let mean = |w: &Window| paths[w.run].at(w.first).to_vec();
         HiddenPrior {
             means: windows.iter().map(mean).collect(),
-            spread: hybrid.hidden_spread(theta, &self.scales),
+            spread: hybrid.hidden_spread(theta, &self.scales, fitted),
         }
     }
 
@@ -275,7 +277,13 @@ impl Study {
         };
         let mut paths = self.hidden_paths(hybrid, &start.theta, substeps);
         let windows = &self.windows.fit;
-        let known = self.hidden_prior(hybrid, &start.theta, windows, &paths);
+        // The constants of what is new are still to be found, and with them the path of its states.
+        let knows = |effect: &Placed| start.hidden.iter().any(|old| is_same(old, effect));
+        let goes_on = hybrid
+            .effects()
+            .iter()
+            .all(|e| e.kind.states() == 0 || knows(e));
+        let known = self.hidden_prior(hybrid, (&start.theta, goes_on), windows, &paths);
         let states = with_hidden(hybrid, &start.hidden, start.inside, &known);
         let go_on = |theta, states, sigma, known: &HiddenPrior, options: &FitOptions| {
             fit(
@@ -292,15 +300,22 @@ impl Study {
         };
         let mut inside = go_on(start.theta, states, start.sigma, &known, &options);
         // The path that the hidden states are taken to follow is that of the constants with which the fit began.
-        for _ in 0..FURTHER_PATHS {
-            if hybrid.nh() == 0 || !inside.converged {
+        for round in 0..FURTHER_PATHS {
+            if hybrid.nh() == 0 || (!inside.converged && (goes_on || round > 0)) {
                 break;
             }
             paths = self.hidden_paths(hybrid, &inside.theta, substeps);
-            let known = self.hidden_prior(hybrid, &inside.theta, windows, &paths);
-            let options = FitOptions {
-                state_iterations: 0,
-                ..options
+            let known = self.hidden_prior(hybrid, (&inside.theta, true), windows, &paths);
+            let options = match inside.converged {
+                true => FitOptions {
+                    state_iterations: 0,
+                    ..options
+                },
+                false => FitOptions {
+                    state_iterations: STATES_ALONE,
+                    iterations: 0,
+                    ..options
+                },
             };
             let before = inside.theta.clone();
             inside = go_on(inside.theta, inside.states, inside.sigma, &known, &options);
@@ -311,7 +326,12 @@ impl Study {
                 break;
             }
         }
-        let known = self.hidden_prior(hybrid, &inside.theta, &self.windows.held_out, &paths);
+        let known = self.hidden_prior(
+            hybrid,
+            (&inside.theta, true),
+            &self.windows.held_out,
+            &paths,
+        );
         let outside = fit(
             hybrid,
             &self.observations,
@@ -328,6 +348,11 @@ impl Study {
         );
         (inside, outside)
     }
+}
+
+/// Whether it is the same kind on the same target.
+fn is_same(one: &Placed, other: &Placed) -> bool {
+    one.kind == other.kind && one.target == other.target
 }
 
 /// The state (q, v) behind what its sensors read.
@@ -352,9 +377,7 @@ fn with_hidden(
     }
     let visible = hybrid.nx() - hybrid.nh();
     let old_place = |wanted: &Placed| -> Option<usize> {
-        let place = before
-            .iter()
-            .position(|e| e.kind == wanted.kind && e.target == wanted.target)?;
+        let place = before.iter().position(|e| is_same(e, wanted))?;
         let states = before[..place].iter().map(|e| e.kind.states());
         Some(visible + states.sum::<usize>())
     };

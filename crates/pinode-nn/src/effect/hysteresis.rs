@@ -5,6 +5,7 @@
 
 use lagrange::Scalar;
 
+use super::memory::STRAY;
 use super::{Action, Family, Kind, MemoryLaw, ParameterSpec, Probe, Quantity, Seen, WithMemory};
 
 struct Hysteresis;
@@ -33,6 +34,9 @@ impl MemoryLaw for Hysteresis {
     }
     fn spread(&self, _force: f64, _speed: f64, p: &[f64], spread: &mut [f64]) {
         spread[0] = p[1];
+    }
+    fn stray(&self, noise: f64, _p: &[f64], spread: &mut [f64]) {
+        spread[0] = spread[0].min(STRAY * noise);
     }
     fn fastest(&self, speed: f64, mass: f64, p: &[f64]) -> f64 {
         (4.0 * speed / p[1]).max((p[0] / mass).sqrt())

@@ -48,6 +48,8 @@ pub struct Scales {
     pub input: f64,
     /// The largest size of the input as logged.
     pub largest_input: f64,
+    /// Standard deviation of the noise of its position sensor, m or rad.
+    pub noise: f64,
 }
 
 impl Scales {

@@ -6,6 +6,7 @@
 
 use lagrange::Scalar;
 
+use super::memory::STRAY;
 use super::{Action, Family, Kind, MemoryLaw, ParameterSpec, Probe, Quantity, Seen, WithMemory};
 
 struct LuGre;
@@ -38,6 +39,9 @@ impl MemoryLaw for LuGre {
     }
     fn spread(&self, _force: f64, _speed: f64, p: &[f64], spread: &mut [f64]) {
         spread[0] = p[2].max(p[3]) / p[0];
+    }
+    fn stray(&self, noise: f64, _p: &[f64], spread: &mut [f64]) {
+        spread[0] = spread[0].min(STRAY * noise);
     }
     fn fastest(&self, speed: f64, mass: f64, p: &[f64]) -> f64 {
         let decay = p[0] * speed / p[2].min(p[3]);

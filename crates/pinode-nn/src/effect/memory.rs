@@ -54,6 +54,10 @@ pub trait MemoryLaw: Send + Sync + 'static {
     /// `spread`, for forces of the size `force` and speeds of the size `speed`.
     fn spread(&self, force: f64, speed: f64, p: &[f64], spread: &mut [f64]);
 
+    /// By how much h still may differ from there once p is fitted, where that is less: the pass is as good as the motion is known, its positions
+    /// to `noise`; `spread` has what [`spread`](Self::spread) says. Nothing less, unless a law says so.
+    fn stray(&self, _noise: f64, _p: &[f64], _spread: &mut [f64]) {}
+
     /// The fastest rate by which h settles or swings at speeds of the size `speed`, 1/s, for a body of `mass` kg or kg·m²: what the
     /// integration step must resolve.
     fn fastest(&self, speed: f64, mass: f64, p: &[f64]) -> f64;
@@ -95,12 +99,17 @@ pub trait MemoryForce: Send + Sync {
     fn start(&self, v: f64, f: f64, p: &[f64], h: &mut [f64]);
     /// See [`MemoryLaw::spread`].
     fn spread(&self, force: f64, speed: f64, p: &[f64], spread: &mut [f64]);
+    /// See [`MemoryLaw::stray`].
+    fn stray(&self, noise: f64, p: &[f64], spread: &mut [f64]);
     /// See [`MemoryLaw::fastest`].
     fn fastest(&self, speed: f64, mass: f64, p: &[f64]) -> f64;
 }
 
 /// Makes a [`MemoryForce`] of a [`MemoryLaw`]: derivatives by dual numbers.
 pub struct WithMemory<L>(pub L);
+
+/// What bends with the motion is where the motion is, to so many times the noise of its positions.
+pub(super) const STRAY: f64 = 2.0;
 
 /// No law has more states.
 pub const MOST_STATES: usize = 4;
@@ -372,6 +381,10 @@ impl<L: MemoryLaw> MemoryForce for WithMemory<L> {
 
     fn spread(&self, force: f64, speed: f64, p: &[f64], spread: &mut [f64]) {
         self.0.spread(force, speed, p, spread);
+    }
+
+    fn stray(&self, noise: f64, p: &[f64], spread: &mut [f64]) {
+        self.0.stray(noise, p, spread);
     }
 
     fn fastest(&self, speed: f64, mass: f64, p: &[f64]) -> f64 {

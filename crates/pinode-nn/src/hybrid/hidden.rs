@@ -126,7 +126,7 @@ impl Hybrid {
     }
 
     /// Standard deviations of h at the start of a window about a [path](Self::hidden_path): one a state.
-    pub fn hidden_spread(&self, theta: &[f64], scales: &[Scales]) -> Vec<f64> {
+    pub fn hidden_spread(&self, theta: &[f64], scales: &[Scales], fitted: bool) -> Vec<f64> {
         let mut spread = vec![0.0; self.nh()];
         for (index, effect) in self.effects.iter().enumerate() {
             if let Some(law) = effect.kind.memory() {
@@ -134,6 +134,9 @@ impl Hybrid {
                 let p = &theta[self.range(index)];
                 let own = &mut spread[self.state_range(index)];
                 law.spread(scale.force, scale.speed, p, own);
+                if fitted {
+                    law.stray(scale.noise, p, own);
+                }
             }
         }
         spread

@@ -74,7 +74,7 @@ impl Residuals {
             (&study.windows.held_out, &fitted.outside.states),
         ];
         for (windows, states) in sides {
-            let hidden = study.hidden_prior(hybrid, theta, windows, &paths);
+            let hidden = study.hidden_prior(hybrid, (theta, true), windows, &paths);
             let problem =
                 Problem::new(hybrid, observations, windows, &[], &hidden, fitted.substeps);
             for (window, rolled) in windows.iter().zip(problem.rolled(theta, states.clone())) {
