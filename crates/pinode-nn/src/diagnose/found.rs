@@ -259,7 +259,7 @@ const SAME: f64 = 1.0;
 /// Whether the windows do not tell two contenders apart: no significant difference, or a lead of the rival that would not be accepted
 /// as an explanation of what the found one leaves.
 fn are_tied(own: &Contender, rival: &Contender) -> bool {
-    if !rival.is_acceptable() || rival.numerically_sound == Some(false) {
+    if !rival.is_rival() {
         return false;
     }
     let lead = Comparison::of(&rival.fitted, &own.fitted);

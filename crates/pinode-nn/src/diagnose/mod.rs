@@ -23,6 +23,7 @@ mod linear;
 mod locate;
 mod misfit;
 mod numerics;
+mod pushes;
 mod refine;
 mod regions;
 mod remainder;

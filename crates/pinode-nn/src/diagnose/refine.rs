@@ -56,6 +56,12 @@ impl Contender {
         let relieves = self.imitated && self.is_sure && self.comparison.relieves();
         self.is_sensible && (self.comparison.explains() || relieves)
     }
+
+    /// Whether it has a say where another would be accepted: what is there may be the one that falls short by a little.
+    pub fn is_rival(&self) -> bool {
+        let nearly = self.is_sensible && self.comparison.nearly_explains();
+        (nearly || self.is_acceptable()) && self.numerically_sound != Some(false)
+    }
 }
 
 /// Whether stretched constants imitate the candidate.
@@ -256,14 +262,13 @@ fn replace_if_better(study: &Study, current: &Fitted, rival: &mut Contender, aga
     }
 }
 
-/// Orders contenders by their score, and gives the wins: only what would be accepted by itself, and is not known to be numerical, takes
-/// part.
+/// Orders contenders by their score, and gives the wins among those that have a say.
 pub fn rank(contenders: &mut [Contender], seed: u64) {
     contenders.sort_by(|a, b| b.score.total_cmp(&a.score));
     let mut playing: Vec<&mut Contender> = Vec::new();
     for contender in contenders {
         contender.wins = 0.0;
-        if contender.is_acceptable() && contender.numerically_sound != Some(false) {
+        if contender.is_rival() {
             playing.push(contender);
         }
     }

@@ -3,14 +3,19 @@
 use super::candidate::Candidate;
 use super::found::{Found, prune, revisit};
 use super::misfit::explained;
+use super::pushes::{stripped, with_pushes};
 use super::refine::{Contender, rank};
 use super::remainder::Remainder;
 use super::screen;
 use super::step::{LEAST_T2, Report, Step, accept, is_second_choice, one_step, refine_dear};
 use super::study::{Comparison, Fitted, Study};
+use crate::shooting::Fit;
 
 /// At most so many effects are named.
 const MOST_EFFECTS: usize = 4;
+/// Iterations of the initial states when pushes are taken away.
+const STATES_ALONE: usize = 5;
+
 /// The whole search.
 #[derive(Clone)]
 pub struct Search {
@@ -37,6 +42,30 @@ impl Search {
         }
     }
 
+    /// What was found beside pushes, as it is without them: constants and errors stay, residuals are those of the model itself. `null` is the
+    /// model as given, fitted without pushes.
+    fn without_pushes(mut self, study: &Study, null: Fitted) -> Self {
+        let plain = stripped(&self.model);
+        let start = null.start(plain.inside.theta.clone());
+        let alone = study.fit(plain.hybrid.clone(), start, STATES_ALONE, 0);
+        self.model = Fitted {
+            inside: Fit {
+                information: plain.inside.information,
+                gradients: plain.inside.gradients,
+                ..alone.inside
+            },
+            left: self.model.left,
+            ..alone
+        };
+        for found in &mut self.found {
+            for (_, rival) in &mut found.rivals {
+                *rival = stripped(rival);
+            }
+        }
+        self.null = null;
+        self
+    }
+
     /// Whether what was found explains more than is left and follows from something.
     pub fn explains_most(&self) -> bool {
         let gain = Comparison::of(&self.model, &self.null).total();
@@ -48,8 +77,25 @@ impl Search {
 ///
 /// When one effect does not suffice, the strongest rivals of the first are followed as well: a stand-in that is accepted first can
 /// shut out a pair that explains more.
+///
+/// Where nothing is found, it is looked for again beside pushes from outside, if there are any.
 pub fn search(study: &Study, null: Fitted, seed: u64, report: Report) -> Search {
     let first = one_step(study, &null, true, seed, report);
+    if first.accepted.is_none() {
+        report("asking whether pushes from outside hide anything");
+        if let Some(pushed) = with_pushes(study, &null) {
+            let first = one_step(study, &pushed, true, seed, report);
+            if first.accepted.is_some() {
+                let search = search_from(study, pushed, first, seed, report);
+                return search.without_pushes(study, null);
+            }
+        }
+    }
+    search_from(study, null, first, seed, report)
+}
+
+/// The search after its `first` step.
+fn search_from(study: &Study, null: Fitted, first: Step, seed: u64, report: Report) -> Search {
     let mut path = Path::new(null.clone(), first.clone());
     if let Some(k) = first.accepted {
         path.follow(study, &null, k, seed, report);

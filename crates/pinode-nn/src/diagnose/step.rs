@@ -263,7 +263,7 @@ pub fn lookalikes(
         .collect()
 }
 
-/// The best contender whose gain is significant on both sides and not numerical.
+/// The best contender that has a say, where the gain of one is significant on both sides and not numerical.
 pub fn accept(
     study: &Study,
     current: &Fitted,
@@ -272,8 +272,9 @@ pub fn accept(
 ) -> Option<usize> {
     let mut accepted = None;
     for k in 0..contenders.len() {
-        let contender = &mut contenders[k];
-        if contender.is_acceptable() && contender.is_sound(study, current) {
+        if contenders[k].is_acceptable() && contenders[k].is_sound(study, current) {
+            let has_a_say = |c: &mut Contender| c.is_rival() && c.is_sound(study, current);
+            let k = contenders.iter_mut().position(has_a_say).unwrap_or(k);
             // What is found to be numerical is no simpler name from then on.
             let mut best = k;
             while let Some(j) = simpler(contenders, k) {
@@ -298,8 +299,7 @@ pub fn simpler(contenders: &[Contender], k: usize) -> Option<usize> {
     let constants = |c: &Contender| c.fitted.inside.free.len();
     contenders.iter().position(|other| {
         constants(other) < constants(best)
-            && other.is_acceptable()
-            && other.numerically_sound != Some(false)
+            && other.is_rival()
             && !Comparison::of(&best.fitted, &other.fitted).explains()
     })
 }

@@ -3,6 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use super::kept::Kept;
+use super::pushes::is_push;
 use super::remainder::{Remainder, remainder};
 use super::score::{Paired, paired, samples_per_window};
 use super::setup::FEWEST_WINDOWS;
@@ -172,6 +173,14 @@ impl Comparison {
             && self.outside_gain > 0.025
     }
 
+    /// Whether it is as good on the seen windows, or nearly, and half as good on those held out, of which there are fewer.
+    pub fn nearly_explains(&self) -> bool {
+        self.inside.z > 3.0
+            && self.outside.z > 1.0
+            && self.inside_gain > 0.05
+            && self.outside_gain > 0.0125
+    }
+
     /// All that speaks for it on the seen windows, nats: what it explains better, and the tolerances that it stretches less.
     pub fn total(&self) -> f64 {
         self.inside.gain + self.relief
@@ -279,10 +288,12 @@ impl Study {
         let windows = &self.windows.fit;
         // The constants of what is new are still to be found, and with them the path of its states.
         let knows = |effect: &Placed| start.hidden.iter().any(|old| is_same(old, effect));
-        let goes_on = hybrid
-            .effects()
-            .iter()
-            .all(|e| e.kind.states() == 0 || knows(e));
+        let effects = hybrid.effects().iter();
+        let mut following = effects
+            .filter(|e| e.kind.states() > 0 && !is_push(e))
+            .peekable();
+        let follows = following.peek().is_some();
+        let goes_on = following.all(knows);
         let known = self.hidden_prior(hybrid, (&start.theta, goes_on), windows, &paths);
         let states = with_hidden(hybrid, &start.hidden, start.inside, &known);
         let go_on = |theta, states, sigma, known: &HiddenPrior, options: &FitOptions| {
@@ -301,7 +312,7 @@ impl Study {
         let mut inside = go_on(start.theta, states, start.sigma, &known, &options);
         // The path that the hidden states are taken to follow is that of the constants with which the fit began.
         for round in 0..FURTHER_PATHS {
-            if hybrid.nh() == 0 || (!inside.converged && (goes_on || round > 0)) {
+            if !follows || (!inside.converged && (goes_on || round > 0)) {
                 break;
             }
             paths = self.hidden_paths(hybrid, &inside.theta, substeps);

@@ -1,0 +1,151 @@
+//! Pushes from outside: forces that nobody measured.
+//!
+//! Where they move a joint by more than its sensor sees, the residuals of a window hang together, and what is small is lost beside them. A push is
+//! a force on a joint, constant over a window, that no window shares with another: a hidden state f ~ N(0, s²) at its start, ḟ = 0. It is
+//! eliminated with the rest of the initial state, so that models are compared by what no such force explains. s is the one that explains the
+//! windows of the model itself best: s² = mean of f̂² + var f̂ (expectation–maximisation).
+//!
+//! A push is no effect that could be found: it follows from nothing, and is in no model file.
+
+use lagrange::Scalar;
+
+use super::study::{Comparison, Fitted, Study};
+use crate::effect::{
+    Action, Family, Kind, MemoryLaw, ParameterSpec, Quantity, Seen, WithMemory, default_smoothing,
+};
+use crate::hybrid::{Hybrid, Placed};
+
+/// Rounds of expectation and maximisation, each with so many iterations of the initial states.
+const ROUNDS: usize = 3;
+const STATES: usize = 2;
+/// Iterations of the fit with all pushes in place.
+const ITERATIONS: usize = 10;
+/// Pushes are on at most so many joints.
+const MOST: usize = 2;
+
+struct Push;
+
+impl MemoryLaw for Push {
+    fn states(&self) -> usize {
+        1
+    }
+    fn takes_lanes(&self) -> bool {
+        true
+    }
+    #[inline(always)]
+    fn force<D: Scalar>(&self, seen: &Seen<'_, D>, _p: &[D], _smoothing: f64) -> D {
+        seen.h[0]
+    }
+    #[inline(always)]
+    fn rate<D: Scalar>(&self, _seen: &Seen<'_, D>, p: &[D], _smoothing: f64, rate: &mut [D]) {
+        rate[0] = p[0] * 0.0;
+    }
+    fn start(&self, _v: f64, _f: f64, _p: &[f64], h: &mut [f64]) {
+        h[0] = 0.0;
+    }
+    fn spread(&self, _force: f64, _speed: f64, p: &[f64], spread: &mut [f64]) {
+        spread[0] = p[0];
+    }
+    fn fastest(&self, _speed: f64, _mass: f64, _p: &[f64]) -> f64 {
+        0.0
+    }
+}
+
+/// What stands for a push among the effects of a model.
+static KIND: Kind = Kind {
+    name: "push",
+    family: Family::Memory,
+    summary: "a force that nobody measured",
+    parameters: &[
+        ParameterSpec::new("deviation", Quantity::Force, (0.0, f64::INFINITY), 0.0).held(),
+    ],
+    action: Action::Memory(&WithMemory(Push)),
+    contains: &[],
+    probes: |_, _| Vec::new(),
+};
+
+/// Whether an effect of a model is a push.
+pub fn is_push(placed: &Placed) -> bool {
+    placed.kind.name == KIND.name
+}
+
+/// `fitted` with pushes on the joints where they explain the windows, fitted again; `None` where none does.
+pub fn with_pushes(study: &Study, fitted: &Fitted) -> Option<Fitted> {
+    if fitted.hybrid.nh() > 0 {
+        return None;
+    }
+    let mut pushed: Option<Fitted> = None;
+    for _ in 0..MOST {
+        let current = pushed.as_ref().unwrap_or(fitted);
+        let there = |c: usize| {
+            current
+                .hybrid
+                .effects()
+                .iter()
+                .any(|e| is_push(e) && e.target == c)
+        };
+        let joints = (0..current.hybrid.nv()).filter(|&c| !there(c));
+        let tried = joints.filter_map(|c| with_push(study, current, c));
+        let best = tried.max_by(|a, b| a.score(0).total_cmp(&b.score(0)));
+        match best.filter(|best| Comparison::of(best, current).explains()) {
+            Some(best) => pushed = Some(best),
+            None => break,
+        }
+    }
+    let pushed = pushed?;
+    let start = pushed.start(pushed.inside.theta.clone());
+    Some(study.fit(pushed.hybrid, start, 0, ITERATIONS))
+}
+
+/// `fitted` with a push on the `c`th coordinate, of the deviation that its windows show; `None` where they show none.
+fn with_push(study: &Study, fitted: &Fitted, c: usize) -> Option<Fitted> {
+    let mut deviation = study.scales[c].small_force();
+    let mut pushed = fitted.clone();
+    for round in 0..ROUNDS {
+        let (hybrid, theta) = placed(fitted, c, deviation);
+        let from = if round == 0 { fitted } else { &pushed };
+        pushed = study.fit(hybrid, from.start(theta), STATES, 0);
+        let states = &pushed.inside.states;
+        let n = states.len().max(1) as f64;
+        let before: f64 = fitted.inside.determined.iter().sum();
+        let determined = (pushed.inside.determined.iter().sum::<f64>() - before) / n;
+        let squares: f64 = states.iter().filter_map(|x| x.last()).map(|f| f * f).sum();
+        let variance = squares / n + deviation.powi(2) * (1.0 - determined.clamp(0.0, 1.0));
+        deviation = variance.sqrt();
+    }
+    (deviation > 0.0 && deviation.is_finite()).then_some(pushed)
+}
+
+/// A model, and θ, with a push on the `c`th coordinate.
+fn placed(fitted: &Fitted, c: usize, deviation: f64) -> (Hybrid, Vec<f64>) {
+    let mut hybrid = fitted.hybrid.clone();
+    let placed = Placed {
+        kind: &KIND,
+        target: c,
+        smoothing: default_smoothing(hybrid.mechanics().coordinates()[c].angular),
+    };
+    hybrid.add(placed, &[deviation], true);
+    let theta = [&fitted.inside.theta[..], &[deviation]].concat();
+    (hybrid, theta)
+}
+
+/// A fit without its pushes: θ, its errors and the states of all else stay.
+pub fn stripped(fitted: &Fitted) -> Fitted {
+    let mut plain = fitted.clone();
+    while let Some(index) = plain.hybrid.effects().iter().position(is_push) {
+        let own = plain.hybrid.range(index);
+        let visible = plain.hybrid.nx() - plain.hybrid.nh();
+        let states = plain.hybrid.state_range(index);
+        for fit in [&mut plain.inside, &mut plain.outside] {
+            fit.theta.drain(own.clone());
+            for state in &mut fit.states {
+                state.drain(visible + states.start..visible + states.end);
+            }
+            for free in &mut fit.free {
+                *free -= if *free >= own.end { own.len() } else { 0 };
+            }
+        }
+        plain.hybrid = plain.hybrid.without(index);
+    }
+    plain
+}
