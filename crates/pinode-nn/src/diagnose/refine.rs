@@ -24,8 +24,6 @@ const ROUNDS: [usize; 2] = [12, 4];
 const CATCHING_UP: f64 = 0.25;
 /// What relieves stretched tolerances is there when so many standard errors say so, as many as that relief is of the tolerances.
 const SURE: f64 = 4.0;
-/// What gives for longer than this, s, is a spring and no stop.
-const LONGEST_BLOW: f64 = 0.15;
 
 /// A candidate, or a pair of them, refined by a fit.
 #[derive(Clone)]
@@ -173,17 +171,13 @@ pub fn contender(
     }
 }
 
-/// Whether a fitted effect is what it is called: a stop turns the motion round at once. A blow of the mass m on the stiffness k lasts
-/// π √(m/k).
+/// Whether a fitted effect is what it is called.
 fn is_sensible(study: &Study, candidate: &Candidate, fitted: &Fitted) -> bool {
-    let Some(stop) = candidate.kind.stop() else {
-        return true;
-    };
-    let mass = candidate.scales(&fitted.hybrid, &study.scales).mass;
+    let scales = candidate.scales(&fitted.hybrid, &study.scales);
     let effect = position(fitted, candidate).map(|index| fitted.hybrid.range(index));
     effect.is_some_and(|range| {
-        let blow = stop.blow(mass, &fitted.inside.theta[range]);
-        blow < LONGEST_BLOW
+        let p = &fitted.inside.theta[range];
+        candidate.kind.is_itself(&scales, p)
     })
 }
 

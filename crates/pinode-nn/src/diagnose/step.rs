@@ -330,6 +330,6 @@ fn is_numerically_sound(study: &Study, current: &Fitted, contender: &Contender) 
         fine.fit(hybrid, start, 1, 6)
     };
     let finer = Comparison::of(&again(&contender.fitted), &again(current));
-    (finer.explains() || (contender.comparison.relieves() && finer.relieves()))
+    (finer.nearly_explains() || (contender.comparison.relieves() && finer.relieves()))
         && finer.total() > (1.0 - NUMERICAL) * contender.comparison.total()
 }

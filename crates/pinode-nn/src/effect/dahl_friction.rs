@@ -7,7 +7,9 @@
 use lagrange::Scalar;
 
 use super::memory::STRAY;
-use super::{Action, Family, Kind, MemoryLaw, ParameterSpec, Probe, Quantity, Seen, WithMemory};
+use super::{
+    Action, Family, Kind, MemoryLaw, ParameterSpec, Probe, Quantity, Scales, Seen, WithMemory,
+};
 
 struct Dahl;
 
@@ -34,6 +36,10 @@ impl MemoryLaw for Dahl {
     }
     fn stray(&self, noise: f64, _p: &[f64], spread: &mut [f64]) {
         spread[0] = spread[0].min(STRAY * noise);
+    }
+    /// It slips within the range of the motion.
+    fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool {
+        p[1] / p[0] < scales.reach
     }
     fn fastest(&self, speed: f64, mass: f64, p: &[f64]) -> f64 {
         (p[0] * speed / p[1]).max((p[0] / mass).sqrt())

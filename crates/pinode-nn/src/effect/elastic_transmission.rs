@@ -8,7 +8,9 @@
 
 use lagrange::Scalar;
 
-use super::{Action, Family, Kind, MemoryLaw, ParameterSpec, Probe, Quantity, Seen, WithMemory};
+use super::{
+    Action, Family, Kind, MemoryLaw, ParameterSpec, Probe, Quantity, Scales, Seen, WithMemory,
+};
 
 struct Elastic;
 
@@ -41,6 +43,11 @@ impl MemoryLaw for Elastic {
     fn spread(&self, force: f64, speed: f64, p: &[f64], spread: &mut [f64]) {
         spread[0] = force / p[0];
         spread[1] = (force / (p[0] * p[2]).sqrt()).min(speed);
+    }
+    /// The motor swings: d is below the critical damping 2 √(k μ), 1/μ = 1/J + 1/m.
+    fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool {
+        let inverse = 1.0 / p[2] + 1.0 / scales.mass;
+        p[1] < 2.0 * (p[0] / inverse).sqrt()
     }
     fn fastest(&self, _speed: f64, mass: f64, p: &[f64]) -> f64 {
         let inverse = 1.0 / p[2] + 1.0 / mass;

@@ -23,10 +23,13 @@ use lagrange::Scalar;
 
 use super::{
     Action, Family, ForceLaw, Kind, LeftOut, OnCoordinate, ParameterSpec, Probe, Quantity,
-    RigidStop,
+    RigidStop, Scales,
 };
 
 struct EndStop;
+
+/// What gives for longer than this, s, is a spring and no stop.
+const LONGEST_BLOW: f64 = 0.15;
 
 /// The force of the stop on what is `depth` in it and goes on with `rate`, at least 0.
 fn push<D: Scalar>(depth: D, rate: D, stiffness: D, damping: D) -> D {
@@ -45,6 +48,11 @@ fn push<D: Scalar>(depth: D, rate: D, stiffness: D, damping: D) -> D {
 impl ForceLaw for EndStop {
     fn force<D: Scalar>(&self, q: D, v: D, p: &[D], _smoothing: f64) -> D {
         push(p[0] - q, -v, p[2], p[3]) - push(q - p[1], v, p[2], p[3])
+    }
+
+    /// It turns the motion round at once: a blow of the mass m on the stiffness k lasts π √(m/k).
+    fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool {
+        std::f64::consts::PI * (scales.mass / p[2]).sqrt() < LONGEST_BLOW
     }
 
     fn stop(&self) -> Option<&dyn RigidStop> {
@@ -81,10 +89,6 @@ impl RigidStop for EndStop {
             weight * integrand(f64::from(i) * h)
         });
         (-inner.sum::<f64>() * h / 3.0).exp()
-    }
-
-    fn blow(&self, mass: f64, p: &[f64]) -> f64 {
-        std::f64::consts::PI * (mass / p[2]).sqrt()
     }
 }
 

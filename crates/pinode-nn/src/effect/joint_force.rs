@@ -4,10 +4,18 @@ use integrators::event::Direction;
 use lagrange::{LANES, Scalar};
 use num_dual::DualSVec64;
 
+use super::Scales;
+
 /// A force law written over the scalar: Q_j = force(q_j, v_j; p), on the right-hand side of M v̇ + C v + G = Q.
 pub trait ForceLaw: Send + Sync + 'static {
     /// The generalized force, N or N·m. `smoothing` is the velocity over which a sign change of friction is spread, m/s or rad/s.
     fn force<D: Scalar>(&self, q: D, v: D, p: &[D], smoothing: f64) -> D;
+
+    /// Whether its parameters make it what it is called, in a motion of these scales: beyond, it does what another kind is the name of. `true` unless
+    /// a law says otherwise.
+    fn is_itself(&self, _scales: &Scales, _p: &[f64]) -> bool {
+        true
+    }
 
     /// The set-valued law that `smoothing` makes a function; `None` (the default) where the force is one without it.
     fn dry(&self) -> Option<&dyn DryFriction> {
@@ -34,9 +42,6 @@ pub trait RigidStop: Send + Sync {
 
     /// e in [0, 1] where the coordinate moves with the effective `mass` 1/(M⁻¹)_jj, kg or kg·m².
     fn restitution(&self, mass: f64, p: &[f64]) -> f64;
-
-    /// About how long a blow of that mass lasts where the stop gives, s.
-    fn blow(&self, mass: f64, p: &[f64]) -> f64;
 }
 
 /// sgn(v) spread over `smoothing`: tanh(v / smoothing).
@@ -102,6 +107,8 @@ pub trait JointForce: Send + Sync {
         }
         out
     }
+    /// See [`ForceLaw::is_itself`].
+    fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool;
     /// See [`ForceLaw::dry`].
     fn dry(&self) -> Option<&dyn DryFriction>;
     /// See [`ForceLaw::stop`].
@@ -161,6 +168,10 @@ impl<L: ForceLaw> JointForce for OnCoordinate<L> {
             3..=4 => gradient::<L, 6>(&self.0, [q, v], p, smoothing, by_p),
             _ => gradient::<L, MOST_VARIABLES>(&self.0, [q, v], p, smoothing, by_p),
         }
+    }
+
+    fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool {
+        self.0.is_itself(scales, p)
     }
 
     fn dry(&self) -> Option<&dyn DryFriction> {

@@ -84,6 +84,15 @@ impl Kind {
         }
     }
 
+    /// Whether these parameters make it what it is called, in a motion of these scales.
+    pub fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool {
+        match self.action {
+            Action::Joint(law) => law.is_itself(scales, p),
+            Action::Memory(law) | Action::Transmission(law) => law.is_itself(scales, p),
+            Action::Drive(_) | Action::Sensor(_) | Action::Inertial(_) => true,
+        }
+    }
+
     /// What it sits on.
     pub fn acts_on(&self) -> ActsOn {
         match self.action {

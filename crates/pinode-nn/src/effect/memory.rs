@@ -9,6 +9,7 @@ use lagrange::{LANES, Lanes, Scalar};
 use num_dual::DualSVec64;
 use pulp::{Arch, NullaryFnOnce};
 
+use super::Scales;
 use super::dual::Dual;
 
 /// What a law with a memory sees of the world.
@@ -58,6 +59,12 @@ pub trait MemoryLaw: Send + Sync + 'static {
     /// to `noise`; `spread` has what [`spread`](Self::spread) says. Nothing less, unless a law says so.
     fn stray(&self, _noise: f64, _p: &[f64], _spread: &mut [f64]) {}
 
+    /// Whether its parameters make it what it is called, in a motion of these scales: beyond, it does what another kind is the name of. `true` unless
+    /// a law says otherwise.
+    fn is_itself(&self, _scales: &Scales, _p: &[f64]) -> bool {
+        true
+    }
+
     /// The fastest rate by which h settles or swings at speeds of the size `speed`, 1/s, for a body of `mass` kg or kg·m²: what the
     /// integration step must resolve.
     fn fastest(&self, speed: f64, mass: f64, p: &[f64]) -> f64;
@@ -101,6 +108,8 @@ pub trait MemoryForce: Send + Sync {
     fn spread(&self, force: f64, speed: f64, p: &[f64], spread: &mut [f64]);
     /// See [`MemoryLaw::stray`].
     fn stray(&self, noise: f64, p: &[f64], spread: &mut [f64]);
+    /// See [`MemoryLaw::is_itself`].
+    fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool;
     /// See [`MemoryLaw::fastest`].
     fn fastest(&self, speed: f64, mass: f64, p: &[f64]) -> f64;
 }
@@ -385,6 +394,10 @@ impl<L: MemoryLaw> MemoryForce for WithMemory<L> {
 
     fn stray(&self, noise: f64, p: &[f64], spread: &mut [f64]) {
         self.0.stray(noise, p, spread);
+    }
+
+    fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool {
+        self.0.is_itself(scales, p)
     }
 
     fn fastest(&self, speed: f64, mass: f64, p: &[f64]) -> f64 {

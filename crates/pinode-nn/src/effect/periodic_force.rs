@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 use lagrange::Scalar;
 
-use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Probe, Quantity};
+use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Probe, Quantity, Scales};
 
 struct Periodic;
 
@@ -15,11 +15,18 @@ impl ForceLaw for Periodic {
     fn force<D: Scalar>(&self, q: D, _v: D, p: &[D], _smoothing: f64) -> D {
         p[0] * (q / p[1] * TAU + p[2]).sin()
     }
+
+    /// It repeats within the range of the motion.
+    fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool {
+        p[1] < 2.0 * scales.reach / FEWEST_PERIODS
+    }
 }
 
 /// A screen tries so many numbers of periods in the range of the motion, from one and a half on, three quarters apart: over the whole
 /// range a force falls out of step with the nearest one by less than half a turn, from where a fit finds to it.
 const PERIODS: usize = 42;
+/// What repeats more seldom in the range of the motion is a bent spring.
+const FEWEST_PERIODS: f64 = 1.4;
 
 /// The kind `periodic_force`.
 pub static KIND: Kind = Kind {
