@@ -7,7 +7,7 @@ use super::pushes::{stripped, with_pushes};
 use super::refine::{Contender, rank};
 use super::remainder::Remainder;
 use super::screen;
-use super::step::{LEAST_T2, Report, Step, accept, is_second_choice, one_step, refine_dear};
+use super::step::{LEAST_T2, Report, Step, Turn, accept, is_second_choice, one_step, refine_dear};
 use super::study::{Comparison, Fitted, Study};
 use crate::shooting::Fit;
 
@@ -80,18 +80,20 @@ impl Search {
 ///
 /// Where nothing is found, it is looked for again beside pushes from outside, if there are any.
 pub fn search(study: &Study, null: Fitted, seed: u64, report: Report) -> Search {
-    let first = one_step(study, &null, true, seed, report);
-    if first.accepted.is_none() {
-        report("asking whether pushes from outside hide anything");
-        if let Some(pushed) = with_pushes(study, &null) {
-            let first = one_step(study, &pushed, true, seed, report);
-            if first.accepted.is_some() {
-                let search = search_from(study, pushed, first, seed, report);
-                return search.without_pushes(study, null);
-            }
-        }
+    let first = one_step(study, &null, Turn::First, seed, report);
+    if first.accepted.is_some() {
+        return search_from(study, null, first, seed, report);
     }
-    search_from(study, null, first, seed, report)
+    report("asking whether pushes from outside hide anything");
+    let pushed = with_pushes(study, &null);
+    let base = pushed.as_ref().unwrap_or(&null);
+    let again = one_step(study, base, Turn::Again, seed, report);
+    match pushed {
+        Some(pushed) if again.accepted.is_some() => {
+            search_from(study, pushed, again, seed, report).without_pushes(study, null)
+        }
+        _ => search_from(study, null, again, seed, report),
+    }
 }
 
 /// The search after its `first` step.
@@ -225,7 +227,7 @@ impl Path {
             if self.added.len() >= MOST_EFFECTS {
                 break;
             }
-            let step = one_step(study, &self.current, false, seed, report);
+            let step = one_step(study, &self.current, Turn::Further, seed, report);
             next = step.accepted;
             self.steps.push(step);
         }

@@ -59,12 +59,23 @@ fn is_dear(kind: &Kind) -> bool {
     kind.states() > 0
 }
 
-/// One step: what is missing in `current`, the `first` thing or one beside what was found.
-pub fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report: Report) -> Step {
+/// Which step it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Turn {
+    /// The first look at the model as given.
+    First,
+    /// Another look at it, where the first has found nothing: then everything is asked.
+    Again,
+    /// A look for what is there beside what was found.
+    Further,
+}
+
+/// One step: what is missing in `current`.
+pub fn one_step(study: &Study, current: &Fitted, turn: Turn, seed: u64, report: Report) -> Step {
     let looking = Looking {
         study,
         current,
-        first,
+        first: turn != Turn::Further,
         seed,
         report,
     };
@@ -80,7 +91,7 @@ pub fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report:
     looking.ask_the_simple(&screen, &mut step);
     let left = looking.hint(&step);
     // The blows of a play look like no law of what was measured.
-    if left.is_some() || (first && step.accepted.is_none()) {
+    if left.is_some() || (turn == Turn::Again && step.accepted.is_none()) {
         // Friction explains what nothing else does: beside a law that is accepted for what it explains it is asked in the end.
         let firm = step.accepted().is_some_and(|c| c.comparison.explains());
         let friction = !firm && left.as_ref().is_some_and(Remainder::may_be_friction);
@@ -100,6 +111,7 @@ pub fn one_step(study: &Study, current: &Fitted, first: bool, seed: u64, report:
 struct Looking<'a> {
     study: &'a Study,
     current: &'a Fitted,
+    /// Whether nothing was found before.
     first: bool,
     seed: u64,
     report: Report<'a>,

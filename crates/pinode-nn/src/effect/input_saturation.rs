@@ -30,7 +30,8 @@ pub static KIND: Kind = Kind {
     action: Action::Drive(&Pointwise(Saturation)),
     contains: &[],
     probes: |scales, _| {
-        [0.9, 0.7, 0.5]
+        // The motion of a model that misses much of it is far from linear in the limit.
+        [0.9, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.08, 0.05]
             .map(|fraction| Probe {
                 neutral: vec![scales.largest_input],
                 perturbed: vec![fraction * scales.largest_input],
