@@ -218,12 +218,24 @@ impl Path {
     /// Takes contender `k` of the first step and goes on until nothing is accepted.
     fn follow(&mut self, study: &Study, null: &Fitted, k: usize, seed: u64, report: Report) {
         let mut next = Some(k);
+        let mut before: Vec<Vec<Candidate>> = vec![self.added.clone()];
         while let Some(k) = next {
             if let Some(step) = self.steps.last_mut() {
                 step.accepted = Some(k);
                 let accepted = step.contenders[k].clone();
                 self.take(study, null, accepted, report);
             }
+            // What is taken and dropped at once would be taken again, and so on.
+            let same = |old: &Vec<Candidate>| {
+                old.len() == self.added.len() && old.iter().all(|c| self.added.contains(c))
+            };
+            if before.iter().any(same) {
+                if let Some(step) = self.steps.last_mut() {
+                    step.accepted = None;
+                }
+                break;
+            }
+            before.push(self.added.clone());
             if self.added.len() >= MOST_EFFECTS {
                 break;
             }

@@ -90,6 +90,12 @@ pub fn one_step(study: &Study, current: &Fitted, turn: Turn, seed: u64, report: 
     let mut step = Step::default();
     looking.ask_the_simple(&screen, &mut step);
     let left = looking.hint(&step);
+    // What is there beyond doubt shows without pushes; all else is asked once, beside them.
+    let shows = left.as_ref().is_some_and(Remainder::is_significant);
+    if turn == Turn::First && step.accepted.is_none() && !shows {
+        step.screened = screen.ranked;
+        return step;
+    }
     // The blows of a play look like no law of what was measured.
     if left.is_some() || (turn == Turn::Again && step.accepted.is_none()) {
         // Friction explains what nothing else does: beside a law that is accepted for what it explains it is asked in the end.
