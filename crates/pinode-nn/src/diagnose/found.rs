@@ -136,12 +136,14 @@ pub fn revisit(
             let mut rivals = rivals(study, current, &reduced, added, k);
             rank(&mut rivals, seed);
             let own = rivals.iter().position(|r| r.added[0] == added[k]);
-            if let Some(simple) = own.and_then(|own| simpler(&rivals, own)) {
+            let simple = own.and_then(|own| simpler(&rivals, own));
+            if let Some(simple) = simple.filter(|&simple| rivals[simple].is_acceptable()) {
                 added[k] = rivals[simple].added[0];
                 *current = rivals[simple].fitted.clone();
             } else if let Some(best) = rivals.first()
                 && best.added[0] != added[k]
                 && best.wins > 0.9
+                && best.is_acceptable()
                 && Comparison::of(&best.fitted, current).inside.z > 2.0
             {
                 report(&format!(

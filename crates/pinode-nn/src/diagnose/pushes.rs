@@ -23,6 +23,9 @@ const ITERATIONS: usize = 10;
 /// Pushes are on at most so many joints.
 const MOST: usize = 2;
 
+/// Residuals up to so many times the noise leave nothing to explain.
+const EXPLAINED: f64 = 1.1;
+
 struct Push;
 
 impl MemoryLaw for Push {
@@ -69,9 +72,11 @@ pub fn is_push(placed: &Placed) -> bool {
     placed.kind.name == KIND.name
 }
 
-/// `fitted` with pushes on the joints where they explain the windows, fitted again; `None` where none does.
+/// `fitted` with pushes on the joints where they explain the windows, fitted again; `None` where none does, where nothing is left that they could
+/// explain, and where the model has hidden states already.
 pub fn with_pushes(study: &Study, fitted: &Fitted) -> Option<Fitted> {
-    if fitted.hybrid.nh() > 0 {
+    let excess = fitted.excess(&study.observations);
+    if fitted.hybrid.nh() > 0 || excess.iter().all(|&excess| excess < EXPLAINED) {
         return None;
     }
     let mut pushed: Option<Fitted> = None;
@@ -148,4 +153,99 @@ pub fn stripped(fitted: &Fitted) -> Fitted {
         plain.hybrid = plain.hybrid.without(index);
     }
     plain
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use std::fmt::Write as _;
+
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::StandardNormal;
+
+    use super::super::setup::{Prepared, prepare};
+    use super::super::{Means, audit};
+    use super::*;
+    use crate::log::Log;
+    use crate::model::Model;
+
+    const MASS: f64 = 2.0;
+    const NOISE: f64 = 2e-4;
+    /// Interval of the log, and how long a push lasts, s.
+    const DT: f64 = 0.02;
+    const PUSH: f64 = 0.6;
+
+    /// A sledge without friction: x(t) under a known force and pushes of this deviation, each held as long as a window, both exact.
+    fn prepared(deviation: f64) -> (tempfile::TempDir, Prepared) {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let mut normal = || -> f64 { rng.sample(StandardNormal) };
+        let (mut x, mut v, mut push) = (0.0, 0.0, 0.0);
+        let mut log = "t,q.x,u.push\n".to_owned();
+        for k in 0..3000 {
+            let t = DT * f64::from(k);
+            if k % (PUSH / DT).round() as i32 == 0 {
+                push = deviation * normal();
+            }
+            // Pulled back, or the sledge would be off and away.
+            let u = 4.0 * (3.0 * t).sin() + 2.0 * (7.1 * t).cos() - 1.5 * x - 2.0 * v;
+            writeln!(log, "{t},{},{u}", x + NOISE * normal()).unwrap();
+            let a = (u + push) / MASS;
+            x += v * DT + 0.5 * a * DT * DT;
+            v += a * DT;
+        }
+        let dir = tempfile::tempdir().unwrap();
+        let (model, data) = (dir.path().join("sledge.toml"), dir.path().join("log.csv"));
+        let text = format!(
+            "name = \"sledge\"\n[lagrangian]\ncoordinates = [\"x\"]\nkinetic = \"0.5*m*x_dot^2\"\npotential = \"0\"\nparameters = {{ m = {MASS} }}\n\
+             [[input]]\nname = \"push\"\njoint = \"x\"\n[sensor.x]\nposition_noise = {NOISE}\nvelocity = \"none\"\n[tolerance]\ngain = 0.0\n\
+             parameters = {{ m = 1e-3 }}\n"
+        );
+        std::fs::write(&model, text).unwrap();
+        std::fs::write(&data, log).unwrap();
+        let model = Model::load(&model).unwrap();
+        let log = Log::read(&data, &model).unwrap();
+        let audited = audit::audit(&model, &[log], &[]);
+        let prepared = prepare(
+            &model,
+            audited.observations,
+            1,
+            &audited.masked,
+            &Means::default(),
+        );
+        (dir, prepared.unwrap())
+    }
+
+    #[test]
+    fn pushes_are_as_strong_as_they_were() {
+        let (_dir, Prepared { study, null, .. }) = prepared(0.3);
+        assert!(null.excess(&study.observations)[0] > 1.5, "they are seen");
+        let pushed = with_pushes(&study, &null).unwrap();
+        let [push] = pushed.hybrid.effects() else {
+            panic!("{:?}", pushed.hybrid.effects())
+        };
+        assert!(is_push(push));
+        let deviation = pushed.inside.theta[pushed.hybrid.range(0).start];
+        assert!((deviation / 0.3 - 1.0).abs() < 0.2, "{deviation}");
+        // Of the residuals the noise is left.
+        let excess = pushed.excess(&study.observations)[0];
+        assert!(excess < 1.2, "{excess}");
+    }
+
+    #[test]
+    fn there_are_none_where_nobody_pushed() {
+        let (_dir, Prepared { study, null, .. }) = prepared(0.0);
+        assert!(with_pushes(&study, &null).is_none());
+    }
+
+    #[test]
+    fn without_them_the_model_is_the_one_it_was() {
+        let (_dir, Prepared { study, null, .. }) = prepared(0.3);
+        let plain = stripped(&with_pushes(&study, &null).unwrap());
+        assert!(plain.hybrid.effects().is_empty());
+        assert_eq!(plain.inside.theta.len(), null.inside.theta.len());
+        assert_eq!(plain.inside.free, null.inside.free);
+        assert!(plain.inside.states.iter().all(|x| x.len() == 2));
+    }
 }

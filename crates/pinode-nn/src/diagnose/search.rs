@@ -27,7 +27,9 @@ pub struct Search {
     pub found: Vec<Found>,
     /// The model with it.
     pub model: Fitted,
-    /// What that leaves, where it follows from anything.
+    /// What the model explains that the given one does not, nats.
+    pub gain: f64,
+    /// What it leaves, where that follows from anything.
     pub left: Option<Remainder>,
 }
 
@@ -36,6 +38,7 @@ impl Search {
     pub fn withdraw(&mut self, study: &Study) {
         self.found.clear();
         self.model = self.null.clone();
+        self.gain = 0.0;
         self.left = self.model.left(study).cloned();
         for step in &mut self.steps {
             step.accepted = None;
@@ -68,8 +71,8 @@ impl Search {
 
     /// Whether what was found explains more than is left and follows from something.
     pub fn explains_most(&self) -> bool {
-        let gain = Comparison::of(&self.model, &self.null).total();
-        self.left.as_ref().is_none_or(|left| left.gain < gain)
+        let left = self.left.as_ref();
+        left.is_none_or(|left| left.gain < self.gain)
     }
 }
 
@@ -151,6 +154,7 @@ fn search_from(study: &Study, null: Fitted, first: Step, seed: u64, report: Repo
         found.believe(explained.min(found.share_beside(left.as_ref())));
     }
     Search {
+        gain: Comparison::of(&current, &null).total(),
         null,
         steps,
         found,

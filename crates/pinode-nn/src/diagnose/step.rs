@@ -32,6 +32,8 @@ const RELIEVING: usize = 4;
 const PAIRS: usize = 4;
 /// Candidates with 1 − ρ² below this look alike to the screen.
 const ALIKE: f64 = 0.02;
+/// Who is behind by so many standard errors on the windows held out does not lead.
+const BEHIND: f64 = -1.0;
 /// A gain that loses more than this share when the numerics are refined is numerical. One that grows was held back by them.
 const NUMERICAL: f64 = 0.3;
 
@@ -267,7 +269,8 @@ pub fn lookalikes(
     contenders: &[Contender],
     report: Report,
 ) -> Vec<Contender> {
-    let Some(best) = contenders.iter().find(|c| c.is_acceptable()) else {
+    let is_there = contenders.iter().any(Contender::is_acceptable);
+    let Some(best) = contenders.iter().find(|c| is_there && c.is_rival()) else {
         return Vec::new();
     };
     let refined = |c: &Candidate| contenders.iter().any(|other| other.added[..] == [*c]);
@@ -291,8 +294,13 @@ pub fn accept(
     let mut accepted = None;
     for k in 0..contenders.len() {
         if contenders[k].is_acceptable() && contenders[k].is_sound(study, current) {
-            let has_a_say = |c: &mut Contender| c.is_rival() && c.is_sound(study, current);
-            let k = contenders.iter_mut().position(has_a_say).unwrap_or(k);
+            // One that is ahead of it on the seen windows and not behind on those held out.
+            let leader = (0..k).find(|&j| {
+                let (ahead, own) = (&contenders[j], &contenders[k].fitted);
+                let held_out = Comparison::of(&ahead.fitted, own).outside.z;
+                ahead.is_rival() && held_out > BEHIND && contenders[j].is_sound(study, current)
+            });
+            let k = leader.unwrap_or(k);
             // What is found to be numerical is no simpler name from then on.
             let mut best = k;
             while let Some(j) = simpler(contenders, k) {
@@ -310,7 +318,7 @@ pub fn accept(
     accepted
 }
 
-/// The best accepted contender with fewer constants than the `k`th, unless the `k`th would be accepted beside it: a name with more
+/// The best contender that has a say and fewer constants than the `k`th, unless the `k`th would be accepted beside it: a name with more
 /// constants earns its place against one with fewer as it would against none.
 pub fn simpler(contenders: &[Contender], k: usize) -> Option<usize> {
     let best = &contenders[k];

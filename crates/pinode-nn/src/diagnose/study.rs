@@ -16,10 +16,12 @@ use crate::shooting::{Fit, FitOptions, HiddenPrior, Observations, Window, Window
 pub const MOST_SUBSTEPS: usize = 64;
 /// Longest integration step for effects with a memory, in units of their fastest rate.
 const RESOLVED: f64 = 1.5;
-/// So many times a fit that has converged goes on along a new path of the hidden states, while that moves a constant by more than
-/// [`STILL`] of what the data would determine it to if all others were known.
+/// So many times a fit with hidden states goes on along their new path, while that moves a constant by more than [`STILL`] of what the data would
+/// determine it to if all others were known.
 const FURTHER_PATHS: usize = 2;
 const STILL: f64 = 0.1;
+/// A way of so many times what a state may differ by makes it forget where it began.
+const FORGOTTEN: f64 = 3.0;
 /// Iterations of the initial states alone once the constants that they follow from are known better.
 const STATES_ALONE: usize = 3;
 /// Effects with a memory may take so many times the integration steps of the other ones.
@@ -263,10 +265,35 @@ impl Study {
             return HiddenPrior::none(windows.len());
         }
         let mean = |w: &Window| paths[w.run].at(w.first).to_vec();
+        let wide = hybrid.hidden_spread(theta, &self.scales, false);
+        let close = hybrid.hidden_spread(theta, &self.scales, fitted);
+        let spreads = windows.iter().map(|w| {
+            let mut spread = wide.clone();
+            for (index, effect) in hybrid.effects().iter().enumerate() {
+                let own = hybrid.state_range(index);
+                let c = hybrid.coordinate_of(effect.kind, effect.target);
+                // With what they began, states of the past know until the motion has made them forget it.
+                let forgets = |i: usize| self.has_gone(w, c, FORGOTTEN * wide[i]);
+                if close[own.clone()] != wide[own.clone()] && own.clone().all(forgets) {
+                    spread[own.clone()].copy_from_slice(&close[own]);
+                }
+            }
+            spread
+        });
         HiddenPrior {
             means: windows.iter().map(mean).collect(),
-            spread: hybrid.hidden_spread(theta, &self.scales, fitted),
+            spreads: spreads.collect(),
         }
+    }
+
+    /// Whether a coordinate has gone a `way` in its recording before a window.
+    fn has_gone(&self, window: &Window, c: usize, way: f64) -> bool {
+        let q = &self.smoothed[window.run].q[c][..=window.first];
+        let mut gone = 0.0;
+        q.windows(2).rev().any(|pair| {
+            gone += (pair[1] - pair[0]).abs();
+            gone > way
+        })
     }
 
     /// The fits of a model to the seen windows and to those held out; [`fit`](Self::fit) makes them unless they are kept already.

@@ -5,13 +5,21 @@
 
 use lagrange::Scalar;
 
-use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Probe, Quantity};
+use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Probe, Quantity, Scales};
 
 struct LinearSpring;
+
+/// A spring that pulls from farther away, in units of the reach of the motion, is a constant force.
+const FARTHEST: f64 = 10.0;
 
 impl ForceLaw for LinearSpring {
     fn force<D: Scalar>(&self, q: D, _v: D, p: &[D], _smoothing: f64) -> D {
         -p[0] * (q - p[1])
+    }
+
+    /// Its rest position is not out of all reach.
+    fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool {
+        (p[1] - scales.centre).abs() < FARTHEST * scales.reach
     }
 }
 

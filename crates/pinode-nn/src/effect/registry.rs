@@ -171,3 +171,48 @@ pub fn all() -> Vec<&'static Kind> {
 pub fn find(name: &str) -> Option<&'static Kind> {
     all().into_iter().find(|kind| kind.name == name)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::Scales;
+
+    #[test]
+    fn parameters_make_a_kind_what_it_is_called() {
+        let scales = Scales {
+            centre: 0.1,
+            reach: 0.3,
+            speed: 1.0,
+            force: 2.0,
+            mass: 0.5,
+            input: 2.0,
+            largest_input: 5.0,
+            noise: 1e-3,
+        };
+        let cases: [(&str, &[f64], bool); 14] = [
+            // A blow of 7 ms, and one of 0.7 s.
+            ("end_stop", &[-0.2, 0.2, 1e5, 100.0], true),
+            ("end_stop", &[-0.2, 0.2, 10.0, 1.0], false),
+            // It pulls from where the motion is, or from 4 m away.
+            ("linear_spring", &[2.0, 0.03], true),
+            ("linear_spring", &[0.02, -3.93], false),
+            // Ten periods in the range of the motion, and less than one.
+            ("periodic_force", &[0.1, 0.06, 0.0], true),
+            ("periodic_force", &[0.1, 0.66, 0.0], false),
+            // It slips after 3 mm, or never.
+            ("hysteresis", &[30.0, 3e-3], true),
+            ("hysteresis", &[0.01, 1e54], false),
+            ("dahl_friction", &[50.0, 0.3], true),
+            ("dahl_friction", &[0.5, 0.3], false),
+            ("lugre_friction", &[100.0, 1.0, 0.2, 0.5, 0.05], true),
+            ("lugre_friction", &[0.1, 1.0, 0.2, 0.5, 0.05], false),
+            // A twentieth of the critical damping, and five times as much.
+            ("elastic_transmission", &[75.0, 0.3, 0.035], true),
+            ("elastic_transmission", &[221.0, 16.9, 0.0162], false),
+        ];
+        for (name, p, expected) in cases {
+            let itself = find(name).map(|kind| kind.is_itself(&scales, p));
+            assert_eq!(itself, Some(expected), "{name} {p:?}");
+        }
+    }
+}

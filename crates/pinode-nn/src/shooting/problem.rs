@@ -28,8 +28,8 @@ pub(crate) struct Rolled {
 pub struct HiddenPrior {
     /// nh numbers a window.
     pub means: Vec<Vec<f64>>,
-    /// nh numbers.
-    pub spread: Vec<f64>,
+    /// nh numbers a window.
+    pub spreads: Vec<Vec<f64>>,
 }
 
 impl HiddenPrior {
@@ -37,7 +37,7 @@ impl HiddenPrior {
     pub fn none(windows: usize) -> Self {
         HiddenPrior {
             means: vec![Vec::new(); windows],
-            spread: Vec::new(),
+            spreads: vec![Vec::new(); windows],
         }
     }
 
@@ -47,7 +47,8 @@ impl HiddenPrior {
         window: usize,
         h: &'a [f64],
     ) -> impl Iterator<Item = (usize, f64, f64)> + 'a {
-        let own = self.means[window].iter().zip(&self.spread).zip(h);
+        let spreads = &self.spreads[window];
+        let own = self.means[window].iter().zip(spreads).zip(h);
         own.enumerate()
             .map(|(i, ((mean, spread), h))| (i, 1.0 / spread, (mean - h) / spread))
     }

@@ -148,6 +148,7 @@ fn found(
     let search = Search {
         null: null.clone(),
         steps: Vec::new(),
+        gain: found.comparison.total(),
         found: vec![found],
         model: fitted,
         left: None,
