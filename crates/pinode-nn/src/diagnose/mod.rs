@@ -5,7 +5,8 @@
 //!    faulty takes no part in anything.
 //! 3. Locate: the force it lacks, by coordinate and signal. This explains; it does not decide.
 //! 4. Search: every candidate is screened from one linearisation; the best are refined by a fit; one is accepted
-//!    when it explains the windows better, pair by pair, both on those the fit saw and on those held out.
+//!    when it explains the windows better, pair by pair, both on those the fit saw and on those held out. Where none is, the same again beside
+//!    pushes that nobody measured.
 //! 5. The new model is written, read back, and run free over held-out data. What does not shrink the gap there is not added.
 
 mod advise;

@@ -56,7 +56,8 @@ impl MemoryLaw for Push {
 
 /// What stands for a push among the effects of a model.
 static KIND: Kind = Kind {
-    name: "push",
+    // No kind that is registered may have spaces in its name.
+    name: "push from outside",
     family: Family::Memory,
     summary: "a force that nobody measured",
     parameters: &[

@@ -92,10 +92,12 @@ pub fn search(study: &Study, null: Fitted, seed: u64, report: Report) -> Search 
     let base = pushed.as_ref().unwrap_or(&null);
     let again = one_step(study, base, Turn::Again, seed, report);
     match pushed {
+        None => search_from(study, null, again, seed, report),
         Some(pushed) if again.accepted.is_some() => {
             search_from(study, pushed, again, seed, report).without_pushes(study, null)
         }
-        _ => search_from(study, null, again, seed, report),
+        // What was tried on the model as given is what is told.
+        Some(_) => search_from(study, null, first, seed, report),
     }
 }
 
