@@ -125,7 +125,8 @@ impl Hybrid {
         path
     }
 
-    /// Standard deviations of h at the start of a window about a [path](Self::hidden_path): one a state.
+    /// Standard deviations of h at the start of a window about a [path](Self::hidden_path): one a state. Once the parameters are `fitted`,
+    /// states that forget their beginning may [stray](crate::effect::MemoryLaw::stray) from that path no further than their sensor's noise.
     pub fn hidden_spread(&self, theta: &[f64], scales: &[Scales], fitted: bool) -> Vec<f64> {
         let mut spread = vec![0.0; self.nh()];
         for (index, effect) in self.effects.iter().enumerate() {
