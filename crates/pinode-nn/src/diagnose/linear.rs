@@ -6,7 +6,9 @@ use rayon::prelude::*;
 use super::study::{Fitted, Study};
 use crate::hybrid::{DrivenInputs, Hybrid, Reading};
 use crate::shooting::problem::Problem;
-use crate::shooting::{Accumulator, HiddenPrior, Residual, Roller, Trajectory, Variation, Window};
+use crate::shooting::{
+    Accumulator, HiddenPrior, Member, Residual, Trajectory, Variation, Window, roll_steps,
+};
 
 /// So many windows have their normal equations in memory at once.
 const AT_ONCE: usize = 16;
@@ -110,21 +112,11 @@ impl<'a> Linearisation<'a> {
         let nx = hybrid.nx();
         let nuisances = fit.free.len();
         let total = nuisances + columns;
-        let of_window = |index: usize| -> Option<(DMatrix<f64>, DVector<f64>)> {
+        type OneWindow = (usize, Option<(Trajectory, Variation)>);
+        let of_window = |(index, rolled): OneWindow| -> Option<(DMatrix<f64>, DVector<f64>)> {
+            let (null, steps) = rolled?;
             let (window, state) = (&windows[index], &fit.states[index]);
             let inputs = &self.inputs[window.run];
-            let mut null = Trajectory::default();
-            let mut steps = Variation::default();
-            Roller::new(hybrid, &fit.free)
-                .roll_step_by_step(
-                    &fit.theta,
-                    inputs,
-                    (window.first, window.count),
-                    state,
-                    &mut null,
-                    &mut steps,
-                )
-                .ok()?;
             let residuals = problem.residuals(window, &self.readings, &null.states);
             let residuals: Vec<Residual> = residuals.collect();
             let changes = changes(&AtWindow {
@@ -154,7 +146,18 @@ impl<'a> Linearisation<'a> {
         // A few windows at once: the matrices of all would fill the memory.
         for first in (0..windows.len()).step_by(AT_ONCE) {
             let some = first..windows.len().min(first + AT_ONCE);
-            let reduced: Vec<_> = some.into_par_iter().map(of_window).collect();
+            let members: Vec<Member> = windows[some.clone()]
+                .iter()
+                .zip(&fit.states[some.clone()])
+                .map(|(window, initial)| Member {
+                    inputs: &self.inputs[window.run],
+                    span: (window.first, window.count),
+                    initial,
+                })
+                .collect();
+            let rolled = roll_steps((hybrid, &fit.theta, &fit.free), &members);
+            let each: Vec<OneWindow> = some.zip(rolled).collect();
+            let reduced: Vec<_> = each.into_par_iter().map(of_window).collect();
             for (s, g) in reduced.into_iter().flatten() {
                 keep(s, g);
             }

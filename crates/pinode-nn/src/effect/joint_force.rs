@@ -2,9 +2,9 @@
 
 use integrators::event::Direction;
 use lagrange::{LANES, Scalar};
-use num_dual::DualSVec64;
 
 use super::Scales;
+use super::dual::Dual;
 
 /// A force law written over the scalar: Q_j = force(q_j, v_j; p), on the right-hand side of M v̇ + C v + G = Q.
 pub trait ForceLaw: Send + Sync + 'static {
@@ -84,6 +84,14 @@ pub trait JointForce: Send + Sync {
     ) -> [f64; LANES] {
         std::array::from_fn(|lane| self.force(q[lane], v[lane], p, smoothing))
     }
+    /// (Q_j, ∂Q_j/∂v_j) of eight states.
+    fn slopes_of_eight(
+        &self,
+        q: &[f64; LANES],
+        v: &[f64; LANES],
+        p: &[f64],
+        smoothing: f64,
+    ) -> [[f64; LANES]; 2];
     /// (Q_j, ∂Q_j/∂q_j, ∂Q_j/∂v_j) of eight states, and the derivatives in the parameters; `by_p` is as long as `p`.
     fn derivatives_of_eight(
         &self,
@@ -131,21 +139,22 @@ fn gradient<L: ForceLaw, const N: usize>(
     smoothing: f64,
     by_p: &mut [f64],
 ) -> JointForceDerivatives {
-    let variable = |x: f64, k: usize| DualSVec64::<N>::from_re(x).derivative(k);
-    let mut lifted = [DualSVec64::<N>::from_re(0.0); MOST_PARAMETERS];
+    let mut lifted = [Dual::<f64, N>::zero(); MOST_PARAMETERS];
     let lifted = &mut lifted[..p.len()];
     for (k, (dual, &value)) in lifted.iter_mut().zip(p).enumerate() {
-        *dual = variable(value, 2 + k);
+        *dual = Dual::variable(value, 2 + k);
     }
-    let force = law.force(variable(q, 0), variable(v, 1), lifted, smoothing);
-    let by = force.eps.0.map_or([0.0; N], Into::into);
-    for (to, by) in by_p.iter_mut().zip(by.iter().skip(2)) {
-        *to = *by;
-    }
+    let force = law.force(
+        Dual::variable(q, 0),
+        Dual::variable(v, 1),
+        lifted,
+        smoothing,
+    );
+    by_p.copy_from_slice(&force.eps[2..2 + by_p.len()]);
     JointForceDerivatives {
         force: force.re,
-        by_q: by[0],
-        by_v: by[1],
+        by_q: force.eps[0],
+        by_v: force.eps[1],
     }
 }
 
@@ -168,6 +177,27 @@ impl<L: ForceLaw> JointForce for OnCoordinate<L> {
             3..=4 => gradient::<L, 6>(&self.0, [q, v], p, smoothing, by_p),
             _ => gradient::<L, MOST_VARIABLES>(&self.0, [q, v], p, smoothing, by_p),
         }
+    }
+
+    fn slopes_of_eight(
+        &self,
+        q: &[f64; LANES],
+        v: &[f64; LANES],
+        p: &[f64],
+        smoothing: f64,
+    ) -> [[f64; LANES]; 2] {
+        let mut lifted = [Dual::<f64, 1>::zero(); MOST_PARAMETERS];
+        let lifted = &mut lifted[..p.len()];
+        for (dual, &value) in lifted.iter_mut().zip(p) {
+            *dual = Dual::constant(value);
+        }
+        let mut out = [[0.0; LANES]; 2];
+        for lane in 0..LANES {
+            let (q, v) = (Dual::constant(q[lane]), Dual::variable(v[lane], 0));
+            let force = self.0.force(q, v, lifted, smoothing);
+            (out[0][lane], out[1][lane]) = (force.re, force.eps[0]);
+        }
+        out
     }
 
     fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool {

@@ -6,7 +6,7 @@ use pulp::{Arch, NullaryFnOnce};
 use super::extra::ExtraMemory;
 use super::forces::{By, Of};
 use super::{DrivenInputs, Hybrid, Placed};
-use crate::effect::{Action, MemoryDerivatives, Seen};
+use crate::effect::{Action, JointForce, MemoryDerivatives, Seen};
 use crate::entries::Start;
 
 /// One number of each of eight states.
@@ -45,6 +45,13 @@ pub(crate) struct EightMemory {
     pub rates: Vec<Lane>,
     /// ∂(v̇, ḣ)/∂(q, v, h, θ_free) of the last call, column after column.
     pub linear: Vec<Lane>,
+}
+
+impl EightMemory {
+    /// ∂v̇/∂Q of the last call that linearised, column after column.
+    pub fn response(&self) -> &[Lane] {
+        self.by.by_force.as_slice()
+    }
 }
 
 impl Hybrid {
@@ -205,14 +212,19 @@ impl Hybrid {
         Ok(())
     }
 
-    /// As [`acceleration`](Self::acceleration), of eight states; left in `memory.rates`.
+    /// As [`acceleration`](Self::acceleration), of eight states; left in `memory.rates`. Into `slopes`, where they are asked for, what
+    /// [`slopes_of_eight`](Self::slopes_of_eight) leaves there.
     pub(crate) fn accelerate_eight(
         &self,
         x: &[Lane],
         theta: &[f64],
         at: &Eight<'_>,
         memory: &mut EightMemory,
+        mut slopes: Option<&mut [Lane]>,
     ) -> Result<(), Error> {
+        if let Some(slopes) = &mut slopes {
+            slopes.fill([0.0; LANES]);
+        }
         let (n, nq) = (self.nv(), self.nq());
         let EightMemory {
             work,
@@ -231,7 +243,14 @@ impl Hybrid {
             let smoothing = effect.smoothing * self.smoothing_scale;
             if let Action::Joint(law) = effect.kind.action {
                 let Start { q, v } = self.starts[effect.target];
-                let value = law.force_of_eight(&x[q], &x[nq + v], p, smoothing);
+                let value = match &mut slopes {
+                    Some(slopes) => {
+                        let [value, slope] = self.slope_of_eight(law, index, x, theta);
+                        add(&mut slopes[v], &slope);
+                        value
+                    }
+                    None => law.force_of_eight(&x[q], &x[nq + v], p, smoothing),
+                };
                 add(&mut force[v], &value);
             } else if let Some(law) = effect.kind.memory() {
                 let (start, seen) = self.seen_by_eight(index, x, at, driven);
@@ -254,6 +273,38 @@ impl Hybrid {
                 .mechanics
                 .forward_dynamics_lanes_into(q, v, p, work, out),
         }
+    }
+
+    /// ∂Q_j/∂v_j of the forces on the joints without a memory in eight states (q, v, …), into `slopes`.
+    pub(crate) fn slopes_of_eight(&self, x: &[Lane], theta: &[f64], slopes: &mut [Lane]) {
+        slopes.fill([0.0; LANES]);
+        for (index, effect) in self.effects.iter().enumerate() {
+            if let Action::Joint(law) = effect.kind.action {
+                let [_, slope] = self.slope_of_eight(law, index, x, theta);
+                add(&mut slopes[self.starts[effect.target].v], &slope);
+            }
+        }
+    }
+
+    /// The force of `law`, that of effect `index`, and its derivative in v_j.
+    fn slope_of_eight(
+        &self,
+        law: &dyn JointForce,
+        index: usize,
+        x: &[Lane],
+        theta: &[f64],
+    ) -> [Lane; 2] {
+        let effect = &self.effects[index];
+        let Start { q, v } = self.starts[effect.target];
+        let smoothing = effect.smoothing * self.smoothing_scale;
+        let p = &theta[self.ranges[index].clone()];
+        law.slopes_of_eight(&x[q], &x[self.nq() + v], p, smoothing)
+    }
+
+    /// The entries of v that dry friction acts on, and the velocity over which its change of sign is spread.
+    pub(crate) fn dry_velocities(&self) -> impl Iterator<Item = (usize, f64)> {
+        let dry = self.effects.iter().filter(|e| e.kind.dry().is_some());
+        dry.map(|e| (self.starts[e.target].v, e.smoothing * self.smoothing_scale))
     }
 
     /// Forces of the inputs that act on the coordinates themselves, into `driven`; to `add`, for every entry of θ that one depends on, the

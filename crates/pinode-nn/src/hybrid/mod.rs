@@ -40,6 +40,9 @@ pub use reading::{Predicted, Reading};
 
 use extra::{Extra, Variants};
 
+/// Friction with a faster rate than this, 1/s, is stepped implicitly: explicit steps would have to be shorter than a millisecond.
+const STIFF: f64 = 2.5e3;
+
 /// One entry of θ.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Constant {
@@ -116,6 +119,8 @@ pub struct Hybrid {
     extra: Option<Arc<Extra>>,
     /// Factor on all smoothing velocities: halved to see whether a finding is numerical.
     smoothing_scale: f64,
+    /// Whether friction in the model as given stops a joint too fast for explicit steps.
+    stiff: bool,
 }
 
 /// The inputs of one recording on its integration grid, after the drives, times their gains.
@@ -183,7 +188,40 @@ impl Hybrid {
             };
             hybrid.add(placed, &entry.values, entry.fixed);
         }
+        hybrid.stiff = hybrid.fastest_friction() > STIFF;
         hybrid
+    }
+
+    /// The fastest rate of friction without a memory at rest in the middle of the coordinates, −(M⁻¹)_jj ∂Q_j/∂v_j, 1/s.
+    fn fastest_friction(&self) -> f64 {
+        let (n, theta) = (self.nv(), self.theta());
+        // Where a body floats, none is: fits and their steps are for other models.
+        if self.nq() != n {
+            return 0.0;
+        }
+        let rest = vec![[0.0; lagrange::LANES]; self.nx()];
+        let mut slopes = vec![[0.0; lagrange::LANES]; n];
+        self.slopes_of_eight(&rest, &theta, &mut slopes);
+        let mut mass = nalgebra::DMatrix::zeros(n, n);
+        self.mass_matrix_into(&vec![0.0; n], &theta, &mut self.memory(&[]), &mut mass);
+        let Some(mass) = nalgebra::Cholesky::new(mass) else {
+            return 0.0;
+        };
+        let response = mass.inverse().diagonal();
+        let rates = response.iter().zip(&slopes).map(|(r, slope)| -r * slope[0]);
+        rates.fold(0.0, f64::max)
+    }
+
+    /// The same with implicit steps or without, whatever its friction.
+    #[cfg(test)]
+    pub(crate) fn stepped_implicitly(mut self, stiff: bool) -> Self {
+        self.stiff = stiff;
+        self
+    }
+
+    /// Whether roll-outs take steps that are implicit: friction stops a joint within less than a millisecond.
+    pub fn is_stiff(&self) -> bool {
+        self.stiff
     }
 
     /// The model of `mechanics` with inputs that act on the given coordinates with the given gains, held between samples, without effects.
@@ -216,6 +254,7 @@ impl Hybrid {
             variants: None,
             extra: None,
             smoothing_scale: 1.0,
+            stiff: false,
         }
     }
 

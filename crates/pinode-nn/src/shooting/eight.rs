@@ -4,6 +4,7 @@ use lagrange::LANES;
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
+use super::stiff::Stiff;
 use super::{Diverged, Roller, Trajectory};
 use crate::hybrid::{DrivenInputs, Eight, EightMemory, Hybrid, Lane};
 
@@ -20,8 +21,8 @@ pub(crate) struct Member<'a> {
 
 /// Rolls out eight windows at once on one thread: as [`Roller::roll_with_sensitivities`](super::Roller::roll_with_sensitivities), in lanes.
 pub(crate) struct EightRoller<'a> {
-    hybrid: &'a Hybrid,
-    free: &'a [usize],
+    pub(super) hybrid: &'a Hybrid,
+    pub(super) free: &'a [usize],
     memory: EightMemory,
     arch: Arch,
     /// (x, S) at the beginning of the step.
@@ -32,6 +33,8 @@ pub(crate) struct EightRoller<'a> {
     sum: Vec<Lane>,
     /// One column of a slope.
     slope: Vec<Lane>,
+    /// Of a model that needs it.
+    stiff: Option<Box<Stiff>>,
 }
 
 impl<'a> EightRoller<'a> {
@@ -48,6 +51,7 @@ impl<'a> EightRoller<'a> {
             point: Vec::new(),
             sum: Vec::new(),
             slope: zeros(nx),
+            stiff: hybrid.is_stiff().then(Box::default),
         }
     }
 
@@ -105,6 +109,9 @@ impl<'a> EightRoller<'a> {
             out.states.reserve_exact(count * nx);
             out.sensitivities.reserve_exact(count * (columns - 1) * nx);
         }
+        if let Some(stiff) = &mut self.stiff {
+            stiff.forget();
+        }
         self.keep(out);
         for sample in 0..count - 1 {
             for step in 0..substeps {
@@ -113,6 +120,59 @@ impl<'a> EightRoller<'a> {
             }
             Diverged::check(self.base.as_flattened())?;
             self.keep(out);
+        }
+        Ok(())
+    }
+
+    /// Steps up to eight windows of a stiff model; after each step `keep` sees of every window whether it ends at a sample, x before the step, and
+    /// (x, S) after it: S from a unit at its beginning, in the state, θ_free and the forces (Q, ḣ) along the step.
+    pub(super) fn each_step(
+        &mut self,
+        theta: &[f64],
+        members: &[Member<'_>],
+        mut keep: impl FnMut(usize, bool, (&[f64], &[f64])),
+    ) -> Result<(), Diverged> {
+        let Some(last) = members.last() else {
+            return Ok(());
+        };
+        let count = last.span.1;
+        let own = members;
+        let members: [&Member; LANES] = std::array::from_fn(|k| members.get(k).unwrap_or(last));
+        let inputs = members.map(|member| member.inputs);
+        let substeps = last.inputs.grid.substeps;
+        let nx = self.hybrid.nx();
+        let columns = 1 + nx + self.free.len() + nx - self.hybrid.nv();
+        self.base.clear();
+        self.base.resize(columns * nx, [0.0; LANES]);
+        for i in 0..nx {
+            self.base[i] = members.map(|member| member.initial[i]);
+        }
+        if let Some(stiff) = &mut self.stiff {
+            stiff.forget();
+        }
+        let (mut before, mut after) = (vec![0.0; nx], vec![0.0; columns * nx]);
+        let mut start = vec![[0.0; LANES]; nx];
+        for sample in 0..count - 1 {
+            for step in 0..substeps {
+                let (x, s) = self.base.split_at_mut(nx);
+                start.copy_from_slice(x);
+                s.fill([0.0; LANES]);
+                for diagonal in s.iter_mut().step_by(nx + 1).take(nx) {
+                    *diagonal = [1.0; LANES];
+                }
+                let steps = members.map(|m| (m.span.0 + sample) * substeps + step);
+                self.step(theta, &Eight { inputs, steps })?;
+                for lane in 0..own.len() {
+                    for (to, from) in before.iter_mut().zip(&start) {
+                        *to = from[lane];
+                    }
+                    for (to, from) in after.iter_mut().zip(&self.base) {
+                        *to = from[lane];
+                    }
+                    keep(lane, step + 1 == substeps, (&before, &after));
+                }
+            }
+            Diverged::check(self.base.as_flattened())?;
         }
         Ok(())
     }
@@ -126,12 +186,16 @@ impl<'a> EightRoller<'a> {
         }
     }
 
-    /// One step of the classical Runge-Kutta method for (x, S), Ṡ = (∂f/∂x) S + ∂f/∂θ.
+    /// One step for (x, S), Ṡ = (∂f/∂x) S + ∂f/∂θ: of the classical Runge-Kutta method unless the model is [stiff](Stiff).
     fn step(&mut self, theta: &[f64], at: &Eight<'_>) -> Result<(), Diverged> {
         let h = std::array::from_fn(|lane| {
             let (bounds, step) = (&at.inputs[lane].grid.bounds, at.steps[lane]);
             bounds[step + 1] - bounds[step]
         });
+        if let Some(stiff) = &mut self.stiff {
+            let (model, memory) = ((self.hybrid, theta), &mut self.memory);
+            return stiff.step(model, at, h, memory, self.arch, &mut self.base);
+        }
         self.point.copy_from_slice(&self.base);
         self.stage::<0>(theta, at, h)?;
         self.stage::<1>(theta, at, h)?;
@@ -149,7 +213,7 @@ impl<'a> EightRoller<'a> {
         let (memory, x) = (&mut self.memory, &self.point[..nx]);
         let found = match self.point.len() > nx {
             true => self.hybrid.linearize_eight(x, theta, at, memory),
-            false => self.hybrid.accelerate_eight(x, theta, at, memory),
+            false => self.hybrid.accelerate_eight(x, theta, at, memory, None),
         };
         found.map_err(Diverged::Dynamics)?;
         self.arch.dispatch(Stage::<STAGE> {

@@ -9,6 +9,7 @@ mod normal;
 mod observation;
 pub(crate) mod problem;
 mod roll;
+mod stiff;
 mod variation;
 mod window;
 
@@ -20,5 +21,5 @@ pub use observation::{Channel, Observations, ObservedRun, wrap_angle};
 pub use problem::HiddenPrior;
 pub(crate) use roll::over_samples;
 pub use roll::{Diverged, Roller, Trajectory};
-pub(crate) use variation::{SmallForce, Variation};
+pub(crate) use variation::{SmallForce, Variation, roll_steps};
 pub use window::{Window, Windows, consecutive};

@@ -2,6 +2,7 @@
 
 use integrators::{Flat, Method, Rk4, StepError, System};
 
+use super::eight::{EightRoller, Member};
 use crate::hybrid::{DrivenInputs, Hybrid, HybridMotion, Memory};
 
 /// Why a roll-out ended before its last sample.
@@ -68,6 +69,8 @@ pub struct Roller<'a> {
     pub(super) memory: Memory,
     pub(super) rk4: Rk4<f64>,
     pub(super) state: Vec<f64>,
+    /// What rolls out a stiff model.
+    pub(super) eight: Option<Box<EightRoller<'a>>>,
 }
 
 /// Steps `state` by `method` from sample `first` on over `count` samples, the one it is at included; after each of the others `keep`
@@ -102,6 +105,9 @@ impl<'a> Roller<'a> {
             memory: hybrid.memory(free),
             rk4: Rk4::new(0),
             state: Vec::new(),
+            eight: hybrid
+                .is_stiff()
+                .then(|| Box::new(EightRoller::new(hybrid, free))),
         }
     }
 
@@ -119,6 +125,14 @@ impl<'a> Roller<'a> {
         initial: &[f64],
         out: &mut Trajectory,
     ) -> Result<(), Diverged> {
+        if let Some(eight) = &mut self.eight {
+            let member = Member {
+                inputs,
+                span,
+                initial,
+            };
+            return eight.roll(theta, &[member], std::slice::from_mut(out));
+        }
         let motion = HybridMotion::new(self.hybrid, theta, self.free, inputs);
         self.state.clear();
         self.state.extend_from_slice(initial);
@@ -146,6 +160,14 @@ impl<'a> Roller<'a> {
         initial: &[f64],
         out: &mut Trajectory,
     ) -> Result<(), Diverged> {
+        if let Some(eight) = &mut self.eight {
+            let member = Member {
+                inputs,
+                span,
+                initial,
+            };
+            return eight.roll_with_sensitivities(theta, &[member], std::slice::from_mut(out));
+        }
         let nx = initial.len();
         let system = self.with_sensitivities(theta, inputs, initial);
         for i in 0..nx {

@@ -3,7 +3,9 @@
 use integrators::Method;
 use lagrange::LANES;
 use pulp::{Arch, NullaryFnOnce};
+use rayon::prelude::*;
 
+use super::eight::{EightRoller, Member};
 use super::{Diverged, Roller, Trajectory};
 use crate::hybrid::{DrivenInputs, Hybrid, Lane, Memory};
 
@@ -12,6 +14,9 @@ use crate::hybrid::{DrivenInputs, Hybrid, Lane, Memory};
 /// δx_{i+1} = F_i (δx_i + ½ b_i) + ½ b_i,  b_i = h_i (0, M⁻¹ δQ_i, δḣ_i),
 ///
 /// F_i is the derivative of step i in the state that it starts from, δQ_i the force in the middle of the step. Second order in the step.
+///
+/// Of a [stiff](Hybrid::is_stiff) model δx_{i+1} = F_i δx_i + R_i (δQ_i, δḣ_i), R_i the derivative of the step in forces that are held along it: what
+/// pushes a joint that sticks does not move it by h M⁻¹ δQ.
 #[derive(Debug, Clone, Default)]
 pub struct Variation {
     /// Number of states, and of velocities.
@@ -27,6 +32,8 @@ pub struct Variation {
     forces: Vec<f64>,
     /// M⁻¹ there, nv × nv, column after column.
     responses: Vec<f64>,
+    /// R of every step of a stiff model, nx × (nx − nv), column after column; empty for others.
+    reactions: Vec<f64>,
 }
 
 impl Roller<'_> {
@@ -103,6 +110,112 @@ fn multiply(a: &[f64], b: &[f64], out: &mut [f64]) {
     }
 }
 
+/// The roll-outs of windows, eight at once where the model is stiff, else one after the other; none where they diverge.
+pub(crate) fn roll_steps(
+    (hybrid, theta, free): (&Hybrid, &[f64], &[usize]),
+    members: &[Member<'_>],
+) -> Vec<Option<(Trajectory, Variation)>> {
+    let alike = |member: &Member| (member.span.1, member.inputs.grid.substeps);
+    let most = if hybrid.is_stiff() { LANES } else { 1 };
+    let groups: Vec<&[Member]> = members
+        .chunk_by(|a, b| alike(a) == alike(b))
+        .flat_map(|alike| alike.chunks(most))
+        .collect();
+    let of_group = |members: &[Member]| -> Vec<Option<(Trajectory, Variation)>> {
+        let one = |member: &Member| {
+            let (mut out, mut steps) = (Trajectory::default(), Variation::default());
+            let Member {
+                inputs,
+                span,
+                initial,
+            } = *member;
+            Roller::new(hybrid, free)
+                .roll_step_by_step(theta, inputs, span, initial, &mut out, &mut steps)
+                .ok()?;
+            Some((out, steps))
+        };
+        let eight = || EightRoller::new(hybrid, free).roll_step_by_step(theta, members);
+        match hybrid.is_stiff() {
+            false => members.iter().map(one).collect(),
+            true => match eight() {
+                Ok(rolled) => rolled.into_iter().map(Some).collect(),
+                Err(_) => {
+                    let alone = |member: &Member| {
+                        let rolled = EightRoller::new(hybrid, free)
+                            .roll_step_by_step(theta, std::slice::from_ref(member));
+                        rolled.ok()?.pop()
+                    };
+                    members.iter().map(alone).collect()
+                }
+            },
+        }
+    };
+    groups.into_par_iter().flat_map_iter(of_group).collect()
+}
+
+impl EightRoller<'_> {
+    /// Up to eight windows of a stiff model, each with the single steps: as [`roll_all`](super::roll_all) with sensitivities.
+    fn roll_step_by_step(
+        &mut self,
+        theta: &[f64],
+        members: &[Member<'_>],
+    ) -> Result<Vec<(Trajectory, Variation)>, Diverged> {
+        let hybrid = self.hybrid;
+        let (nv, nx) = (hybrid.nv(), hybrid.nx());
+        let columns = nx + self.free.len();
+        let mut memory = hybrid.memory(&[]);
+        let mut rolled = Vec::with_capacity(members.len());
+        for member in members {
+            let mut out = Trajectory::default();
+            let mut unit = vec![0.0; nx * columns];
+            (0..nx).for_each(|i| unit[i * nx + i] = 1.0);
+            out.states.extend_from_slice(member.initial);
+            out.sensitivities.extend_from_slice(&unit);
+            let steps = Variation {
+                nx,
+                nv,
+                first: member.span.0 * member.inputs.grid.substeps,
+                ..Variation::default()
+            };
+            rolled.push((out, steps, unit));
+        }
+        let mut next = vec![0.0; nx * columns];
+        let mut middle = vec![0.0; nx];
+        self.each_step(theta, members, |lane, ends, (before, after)| {
+            let (out, steps, total) = &mut rolled[lane];
+            let (x, own) = after.split_at(nx);
+            for ((m, x), before) in middle.iter_mut().zip(x).zip(before) {
+                *m = 0.5 * (x + before);
+            }
+            // S_{i+1} = F S_i + ∂x_{i+1}/∂θ at fixed x_i.
+            let (transition, by_theta) = own.split_at(nx * nx);
+            let (by_theta, reaction) = by_theta.split_at(nx * (columns - nx));
+            multiply(transition, total, &mut next);
+            for (to, own) in next[nx * nx..].iter_mut().zip(by_theta) {
+                *to += own;
+            }
+            std::mem::swap(total, &mut next);
+            steps.transitions.extend_from_slice(transition);
+            steps.reactions.extend_from_slice(reaction);
+            let inputs = members[lane].inputs;
+            let step = steps.first + steps.middles.len() / nx;
+            let state = hybrid.parts(&middle);
+            let (force, rates) = hybrid.forces(state, theta, inputs, step, &mut memory);
+            steps.forces.extend_from_slice(force);
+            steps.forces.extend_from_slice(rates);
+            steps.middles.extend_from_slice(&middle);
+            if ends {
+                out.states.extend_from_slice(x);
+                out.sensitivities.extend_from_slice(total);
+            }
+        })?;
+        Ok(rolled
+            .into_iter()
+            .map(|(out, steps, _)| (out, steps))
+            .collect())
+    }
+}
+
 impl Variation {
     /// Forces and M⁻¹ in the middle of a step.
     fn keep_middle(
@@ -139,7 +252,7 @@ impl Variation {
         let substeps = first.inputs.grid.substeps;
         let mut halves = vec![[0.0; LANES]; self.middles.len()];
         for (lane, force) in forces.iter().enumerate() {
-            self.push(force, memory, |entry, half| halves[entry][lane] = half);
+            self.push(force, memory, |entry, part| halves[entry][lane] += part);
         }
         self.carry((states, substeps), halves, out);
     }
@@ -157,13 +270,44 @@ impl Variation {
         let mut halves = vec![[0.0; LANES]; self.middles.len()];
         for (lane, (j, force)) in forces.iter().enumerate() {
             for (i, halves) in halves.chunks_exact_mut(self.nx).enumerate() {
-                let push = self.half_step(inputs, i) * force[i / substeps];
-                for (half, response) in halves[self.nv..].iter_mut().zip(self.response(i, *j)) {
-                    half[lane] = push * response;
-                }
+                self.act((inputs, i), *j, force[i / substeps], |entry, part| {
+                    halves[entry][lane] = part;
+                });
             }
         }
         self.carry((states, substeps), halves, out);
+    }
+
+    fn is_stiff(&self) -> bool {
+        !self.reactions.is_empty()
+    }
+
+    /// Gives `add` what a force along step `i` adds to its ½ b_i, or to R_i (δQ_i, δḣ_i) of a stiff model, entry after entry: the force `force` in entry `j`
+    /// of (Q, ḣ).
+    fn act(
+        &self,
+        (inputs, i): (&DrivenInputs, usize),
+        j: usize,
+        force: f64,
+        mut add: impl FnMut(usize, f64),
+    ) {
+        let (nv, nx) = (self.nv, self.nx);
+        if self.is_stiff() {
+            let reaction = &self.reactions[(i * (nx - nv) + j) * nx..][..nx];
+            for (entry, by_force) in reaction.iter().enumerate() {
+                add(entry, force * by_force);
+            }
+            return;
+        }
+        let push = self.half_step(inputs, i) * force;
+        match j.checked_sub(nv) {
+            Some(k) => add(2 * nv + k, push),
+            None => {
+                for (k, response) in self.response(i, j).iter().enumerate() {
+                    add(nv + k, push * response);
+                }
+            }
+        }
     }
 
     /// `states` plus what the pushes `halves`, ½ b of every step, change of them.
@@ -178,6 +322,7 @@ impl Variation {
         Arch::new().dispatch(Carried {
             nx: self.nx,
             substeps,
+            whole: self.is_stiff(),
             transitions: &self.transitions,
             halves: &mut halves,
             changes: &mut changes,
@@ -199,7 +344,7 @@ impl Variation {
         &self.responses[(i * self.nv + j) * self.nv..][..self.nv]
     }
 
-    /// ½ b_i of a force, entry after entry of all steps, to `half`.
+    /// Gives `add` what a force [adds](Self::act) to every step, by the entries of all steps.
     fn push(
         &self,
         &SmallForce {
@@ -209,37 +354,29 @@ impl Variation {
             only,
         }: &SmallForce<'_>,
         memory: &mut Memory,
-        mut half: impl FnMut(usize, f64),
+        mut add: impl FnMut(usize, f64),
     ) {
         let (nv, nx) = (self.nv, self.nx);
         let own = self
             .middles
             .chunks_exact(nx)
             .zip(self.forces.chunks_exact(nx - nv));
-        let mut sum = vec![0.0; nv];
         for (i, (middle, before)) in own.enumerate() {
-            let (step, half_step) = (self.first + i, self.half_step(inputs, i));
+            let step = self.first + i;
             let state = with.parts(middle);
-            sum.fill(0.0);
-            let mut add = |j: usize, force: f64| {
-                for (sum, response) in sum.iter_mut().zip(self.response(i, j)) {
-                    *sum += half_step * force * response;
-                }
+            let mut act = |j: usize, force: f64| {
+                self.act((inputs, i), j, force, |entry, part| {
+                    add(i * nx + entry, part)
+                });
             };
             match only.and_then(|effect| with.joint_force(effect, state, theta)) {
-                Some((j, force)) => add(j, force),
+                Some((j, force)) => act(j, force),
                 None => {
                     let (force, rates) = with.forces(state, theta, inputs, step, memory);
-                    for (j, (force, before)) in force.iter().zip(before).enumerate() {
-                        add(j, force - before);
-                    }
-                    for (k, rate) in rates.iter().enumerate() {
-                        half(i * nx + 2 * nv + k, half_step * (rate - before[nv + k]));
+                    for (j, (now, before)) in force.iter().chain(rates).zip(before).enumerate() {
+                        act(j, now - before);
                     }
                 }
-            }
-            for (k, sum) in sum.iter().enumerate() {
-                half(i * nx + nv + k, *sum);
             }
         }
     }
@@ -262,6 +399,8 @@ pub struct SmallForce<'a> {
 struct Carried<'a> {
     nx: usize,
     substeps: usize,
+    /// Whether the pushes are R (δQ, δḣ), to be added after the step alone.
+    whole: bool,
     transitions: &'a [f64],
     /// ½ b_i of every step; δx after it in its place.
     halves: &'a mut [Lane],
@@ -284,9 +423,11 @@ impl NullaryFnOnce for Carried<'_> {
             after.copy_from_slice(before);
             let steps = transitions.chunks_exact(nx * nx);
             for (transition, halves) in steps.zip(halves.chunks_exact_mut(nx)) {
-                for (x, half) in after.iter_mut().zip(&*halves) {
-                    for (x, half) in x.iter_mut().zip(half) {
-                        *x += half;
+                if !self.whole {
+                    for (x, half) in after.iter_mut().zip(&*halves) {
+                        for (x, half) in x.iter_mut().zip(half) {
+                            *x += half;
+                        }
                     }
                 }
                 for (column, x) in transition.chunks_exact(nx).zip(&*after) {
@@ -304,7 +445,7 @@ impl NullaryFnOnce for Carried<'_> {
 
 #[cfg(test)]
 mod tests {
-    #![allow(clippy::unwrap_used)]
+    #![allow(clippy::unwrap_used, clippy::panic)]
 
     use std::path::Path;
 
@@ -410,6 +551,70 @@ mod tests {
                     .unwrap();
                 distance(&exact.states, &found) / distance(&exact.states, &null.states)
             });
+        }
+    }
+
+    /// The same of a stiff model, one whose pole sticks.
+    #[test]
+    fn a_small_force_moves_what_sticks_as_its_own_roll_out_says() {
+        let mut hybrid = pendulum_on_a_cart();
+        let stuck = Placed {
+            kind: registry::find("coulomb_friction").unwrap(),
+            target: 1,
+            smoothing: 1e-3,
+        };
+        hybrid.add(stuck, &[0.05], false);
+        let hybrid = hybrid.stepped_implicitly(true);
+        let (theta, free) = (hybrid.theta(), hybrid.free());
+        let start = [0.1, 3.0, -0.2, 0.4];
+        let inputs = pushes(&hybrid, &theta, 8);
+        let member = Member {
+            inputs: &inputs,
+            span: SPAN,
+            initial: &start,
+        };
+        let rolled = roll_steps((&hybrid, &theta, &free), &[member; 3]);
+        let [Some((null, steps)), _, Some(other)] = &rolled[..] else {
+            panic!("three windows")
+        };
+        assert_eq!(null.states, other.0.states);
+        let mut exact = Trajectory::default();
+        Roller::new(&hybrid, &free)
+            .roll_with_sensitivities(&theta, &inputs, SPAN, &start, &mut exact)
+            .unwrap();
+        let size = distance(&exact.sensitivities, &vec![0.0; exact.sensitivities.len()]);
+        assert!(distance(&exact.sensitivities, &null.sensitivities) < 1e-9 * size);
+        for (kind, target, values) in [
+            ("viscous_friction", 0, vec![1e-5]),
+            ("linear_spring", 1, vec![1e-5, 0.3]),
+            ("constant_force", 1, vec![1e-5]),
+            ("input_gain_error", 0, vec![1e-5]),
+        ] {
+            let kind = registry::find(kind).unwrap();
+            let mut with = hybrid.clone();
+            let placed = Placed {
+                kind,
+                target,
+                smoothing: 0.05,
+            };
+            with.add(placed, &values, false);
+            let theta = with.theta();
+            let inputs = pushes(&with, &theta, 8);
+            let force = SmallForce {
+                with: &with,
+                theta: &theta,
+                inputs: &inputs,
+                only: None,
+            };
+            let mut found = [Vec::new()];
+            steps.under(&null.states, &[force], &mut with.memory(&[]), &mut found);
+            let mut moved = Trajectory::default();
+            Roller::new(&with, &[])
+                .roll(&theta, &inputs, SPAN, &start, &mut moved)
+                .unwrap();
+            let change = distance(&moved.states, &null.states);
+            let error = distance(&moved.states, &found[0]) / change;
+            assert!(error < 0.05, "{}: {error:e} of {change:e}", kind.name);
         }
     }
 

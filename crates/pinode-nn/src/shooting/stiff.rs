@@ -1,0 +1,507 @@
+//! Steps of eight windows at once that are not bound by the fastest rate of the model.
+
+use lagrange::LANES;
+use pulp::{Arch, NullaryFnOnce};
+
+use super::Diverged;
+use crate::hybrid::{Eight, EightMemory, Hybrid, Lane};
+
+/// γ of the two stages, 1 − 1/√2.
+const GAMMA: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
+/// The second stage starts so many times as far from the beginning of the step as the first stage ends, (1 − γ)/γ.
+const FURTHER: f64 = 1.0 + std::f64::consts::SQRT_2;
+/// A stage is solved once an iteration changes its rates by less than this, m/s or rad/s, and this part of their size: the next would change them by
+/// less than a hundredth of it.
+const SOLVED: f64 = 1e-7;
+const MOST_ITERATIONS: usize = 40;
+/// A stage that takes more iterations than this is linearised anew.
+const STALE: usize = 4;
+
+/// The diagonally implicit Runge–Kutta method of two stages and order 2 that is L-stable and stiffly accurate (Alexander, SIAM J. Numer.
+/// Anal. 14, 1977), for x = (q, y) with q̇ = v, ẏ = f(q, y), y = (v, h):
+///
+/// y₁ = y + γh f(q₁, y₁), q₁ = q + γh v₁; then the same from x + (1 + √2)(x₁ − x).
+///
+/// Dry friction on what is light stops it within less than a step: the end of the step is at rest as well.
+///
+/// A stage is solved by Newton's iteration, W δ = y − y_b − γh f with W = I − γh ∂f/∂y − (γh)² ∂f/∂q (∂v/∂y). In W the slopes of the forces on
+/// the joints are those of the iterate, the rest is that of the last linearisation. The derivatives of the solution in anything, S, are exact:
+/// W S_y = S_yb + γh (∂f/∂q S_qb + ∂f/∂θ).
+#[derive(Default)]
+pub(super) struct Stiff {
+    /// Whether there is a linearisation to go by.
+    known: bool,
+    /// The stage that is solved: its x, and how its y changes.
+    point: Vec<Lane>,
+    change: Vec<Lane>,
+    /// What the last stage added to its y: γh f.
+    added: Vec<Lane>,
+    /// What the stages start from, and end at, all columns.
+    from: Vec<Lane>,
+    to: Vec<Lane>,
+    /// W, row after row, then its factors L (below the diagonal, which is 1) and U.
+    matrix: Vec<Lane>,
+    /// ∂f/∂(q, y) of the last linearisation, ∂v̇/∂Q and ∂Q/∂v there.
+    linear: Vec<Lane>,
+    response: Vec<Lane>,
+    slopes: Vec<Lane>,
+    /// Slopes at the iterate.
+    present: Vec<Lane>,
+}
+
+impl Stiff {
+    /// A new roll-out: nothing is known of it.
+    pub fn forget(&mut self) {
+        self.known = false;
+        self.added.clear();
+    }
+
+    /// One step of length `h` of the columns (x, S) in `base`: x alone, or with S = ∂x/∂(x₀, θ_free) and, where there are more,
+    /// the derivatives in (Q, ḣ), held along the step.
+    pub fn step(
+        &mut self,
+        (hybrid, theta): (&Hybrid, &[f64]),
+        at: &Eight<'_>,
+        h: Lane,
+        memory: &mut EightMemory,
+        arch: Arch,
+        base: &mut [Lane],
+    ) -> Result<(), Diverged> {
+        let nx = hybrid.nx();
+        let g = h.map(|h| GAMMA * h);
+        self.from.clear();
+        self.from.extend_from_slice(base);
+        self.to.resize(base.len(), [0.0; LANES]);
+        self.point.clear();
+        self.point.extend_from_slice(&base[..nx]);
+        self.stage((hybrid, theta), at, g, memory, arch)?;
+        for ((from, to), base) in self.from.iter_mut().zip(&self.to).zip(&*base) {
+            for ((from, to), base) in from.iter_mut().zip(to).zip(base) {
+                *from = base + FURTHER * (to - base);
+            }
+        }
+        self.stage((hybrid, theta), at, g, memory, arch)?;
+        base.copy_from_slice(&self.to);
+        Ok(())
+    }
+
+    /// From `from` to `to`; the iteration starts at y of `point`.
+    fn stage(
+        &mut self,
+        (hybrid, theta): (&Hybrid, &[f64]),
+        at: &Eight<'_>,
+        g: Lane,
+        memory: &mut EightMemory,
+        arch: Arch,
+    ) -> Result<(), Diverged> {
+        let (n, nx) = (hybrid.nv(), hybrid.nx());
+        let sizes = (n, nx);
+        if !self.known {
+            self.linearize((hybrid, theta), at, memory)?;
+        }
+        // The last stage goes on.
+        self.added.resize(nx - n, [0.0; LANES]);
+        let guesses = self.point[n..].iter_mut().zip(&self.from[n..]);
+        for ((y, from), added) in guesses.zip(&self.added) {
+            for (lane, y) in y.iter_mut().enumerate() {
+                *y = from[lane] + added[lane];
+            }
+        }
+        self.present.resize(n, [0.0; LANES]);
+        let mut iterations = 0;
+        loop {
+            self.place(n, g);
+            if iterations > 0 && iterations % STALE == 0 {
+                self.linearize((hybrid, theta), at, memory)?;
+            }
+            hybrid
+                .accelerate_eight(&self.point, theta, at, memory, Some(&mut self.present))
+                .map_err(Diverged::Dynamics)?;
+            self.change.clear();
+            self.change.extend_from_slice(&memory.rates);
+            let below = nx - n;
+            self.matrix.resize(below * below, [0.0; LANES]);
+            arch.dispatch(Change {
+                sizes,
+                g,
+                from: &self.from[n..nx],
+                y: &self.point[n..nx],
+                linear: &self.linear,
+                response: &self.response,
+                slopes: (&self.slopes, &self.present),
+                matrix: &mut self.matrix,
+                change: &mut self.change,
+            });
+            iterations += 1;
+            if self.move_by_change(hybrid) {
+                break;
+            }
+            if iterations == MOST_ITERATIONS {
+                Diverged::check(self.point.as_flattened())?;
+                let change = self.change.as_flattened().iter();
+                return Err(Diverged::NoConvergence {
+                    iterations,
+                    change: change.fold(0.0, |most, x| most.max(x.abs())),
+                });
+            }
+        }
+        self.place(n, g);
+        if self.from.len() > nx {
+            self.linearize((hybrid, theta), at, memory)?;
+            arch.dispatch(Columns {
+                sizes,
+                g,
+                linear: &memory.linear,
+                response: &self.response,
+                matrix: &mut self.matrix,
+                from: &self.from,
+                to: &mut self.to,
+            });
+        } else if iterations > STALE {
+            self.known = false;
+        }
+        self.to[..nx].copy_from_slice(&self.point);
+        for (k, added) in self.added.iter_mut().enumerate() {
+            *added = std::array::from_fn(|lane| self.to[n + k][lane] - self.from[n + k][lane]);
+        }
+        Ok(())
+    }
+
+    /// q of the point where it has the velocity v at the end of the stage.
+    fn place(&mut self, n: usize, g: Lane) {
+        let (q, v) = self.point.split_at_mut(n);
+        for ((q, v), from) in q.iter_mut().zip(v).zip(&self.from) {
+            for (lane, q) in q.iter_mut().enumerate() {
+                *q = from[lane] + g[lane] * v[lane];
+            }
+        }
+    }
+
+    fn linearize(
+        &mut self,
+        (hybrid, theta): (&Hybrid, &[f64]),
+        at: &Eight<'_>,
+        memory: &mut EightMemory,
+    ) -> Result<(), Diverged> {
+        hybrid
+            .linearize_eight(&self.point, theta, at, memory)
+            .map_err(Diverged::Dynamics)?;
+        let (n, nx) = (hybrid.nv(), hybrid.nx());
+        self.linear.clear();
+        self.linear
+            .extend_from_slice(&memory.linear[..nx * (nx - n)]);
+        self.response.clear();
+        self.response.extend_from_slice(memory.response());
+        self.slopes.resize(n, [0.0; LANES]);
+        hybrid.slopes_of_eight(&self.point, theta, &mut self.slopes);
+        self.known = true;
+        Ok(())
+    }
+
+    /// Takes the change of y; whether there was next to none. What dry friction acts on does not pass rest in one iteration: there the force is
+    /// steepest, and from there Newton's iteration does not overshoot.
+    fn move_by_change(&mut self, hybrid: &Hybrid) -> bool {
+        let n = hybrid.nv();
+        let mut solved = true;
+        for (y, change) in self.point[n..].iter_mut().zip(&self.change) {
+            for (y, change) in y.iter_mut().zip(change) {
+                solved &= change.abs() <= SOLVED * (1.0 + y.abs());
+                *y -= change;
+            }
+        }
+        for (v, smoothing) in hybrid.dry_velocities() {
+            for (y, change) in self.point[n + v].iter_mut().zip(&self.change[v]) {
+                let passes = *y * (*y + change) < 0.0;
+                if passes && change.abs() > smoothing {
+                    *y = 0.0;
+                }
+            }
+        }
+        solved
+    }
+}
+
+/// W δ = y − y_b − g f for δ, which takes the place of f in `change`.
+struct Change<'a> {
+    sizes: (usize, usize),
+    g: Lane,
+    from: &'a [Lane],
+    y: &'a [Lane],
+    linear: &'a [Lane],
+    response: &'a [Lane],
+    /// At the linearisation and now.
+    slopes: (&'a [Lane], &'a [Lane]),
+    matrix: &'a mut [Lane],
+    change: &'a mut [Lane],
+}
+
+impl NullaryFnOnce for Change<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let (n, nx) = self.sizes;
+        let below = nx - n;
+        let g = self.g;
+        for ((f, y), from) in self.change.iter_mut().zip(self.y).zip(self.from) {
+            for (lane, f) in f.iter_mut().enumerate() {
+                *f = y[lane] - from[lane] - g[lane] * *f;
+            }
+        }
+        fill(self.sizes, g, self.linear, self.matrix);
+        for (j, (then, now)) in self.slopes.0.iter().zip(self.slopes.1).enumerate() {
+            for i in 0..n {
+                let (w, r) = (&mut self.matrix[i * below + j], &self.response[j * n + i]);
+                for lane in 0..LANES {
+                    w[lane] -= g[lane] * r[lane] * (now[lane] - then[lane]);
+                }
+            }
+        }
+        factorise(self.matrix, below);
+        solve(self.matrix, below, self.change);
+    }
+}
+
+/// The derivatives of a stage, column after column behind that of x.
+struct Columns<'a> {
+    sizes: (usize, usize),
+    g: Lane,
+    linear: &'a [Lane],
+    response: &'a [Lane],
+    matrix: &'a mut [Lane],
+    from: &'a [Lane],
+    to: &'a mut [Lane],
+}
+
+impl NullaryFnOnce for Columns<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let (n, nx) = self.sizes;
+        let below = nx - n;
+        let g = self.g;
+        fill(self.sizes, g, self.linear, self.matrix);
+        factorise(self.matrix, below);
+        let columns = self.from.chunks_exact(nx).zip(self.to.chunks_exact_mut(nx));
+        let of_theta = self.linear.len() / below - nx;
+        for (column, (from, to)) in columns.enumerate().skip(1) {
+            let (q, y) = to.split_at_mut(n);
+            y.copy_from_slice(&from[n..]);
+            for (i, y) in y.iter_mut().enumerate() {
+                // Behind the columns of x₀ are those of θ, then those of Q and of ḣ.
+                let mut rate = match column.checked_sub(1 + nx) {
+                    None => [0.0; LANES],
+                    Some(k) if k < of_theta => self.linear[(nx + k) * below + i],
+                    Some(k) if k < of_theta + n => match i < n {
+                        true => self.response[(k - of_theta) * n + i],
+                        false => [0.0; LANES],
+                    },
+                    Some(k) if k - of_theta == i => [1.0; LANES],
+                    Some(_) => [0.0; LANES],
+                };
+                for (j, s) in from[..n].iter().enumerate() {
+                    let by = &self.linear[j * below + i];
+                    for lane in 0..LANES {
+                        rate[lane] += by[lane] * s[lane];
+                    }
+                }
+                for lane in 0..LANES {
+                    y[lane] += g[lane] * rate[lane];
+                }
+            }
+            solve(self.matrix, below, y);
+            for ((q, v), from) in q.iter_mut().zip(&*y).zip(from) {
+                for lane in 0..LANES {
+                    q[lane] = from[lane] + g[lane] * v[lane];
+                }
+            }
+        }
+    }
+}
+
+/// W = I − g ∂f/∂y − g² ∂f/∂q (∂v/∂y), row after row, of ∂f/∂(q, y), column after column.
+#[inline(always)]
+fn fill((n, nx): (usize, usize), g: Lane, linear: &[Lane], matrix: &mut [Lane]) {
+    let below = nx - n;
+    for i in 0..below {
+        for j in 0..below {
+            let by_y = &linear[(n + j) * below + i];
+            let unit = if i == j { 1.0 } else { 0.0 };
+            let mut w: Lane = std::array::from_fn(|lane| unit - g[lane] * by_y[lane]);
+            if j < n {
+                let by_q = &linear[j * below + i];
+                for lane in 0..LANES {
+                    w[lane] -= g[lane] * g[lane] * by_q[lane];
+                }
+            }
+            matrix[i * below + j] = w;
+        }
+    }
+}
+
+/// L U = W in place. Without pivots: W is I + γh M⁻¹ K with K the slopes of friction, which a scaling of rows and columns makes symmetric
+/// and positive, but for what is small with the step.
+#[inline(always)]
+fn factorise(w: &mut [Lane], n: usize) {
+    for k in 0..n {
+        let (above, rows) = w.split_at_mut((k + 1) * n);
+        let pivot = &above[k * n..];
+        let inverse = pivot[k].map(|p| 1.0 / p);
+        for row in rows.chunks_exact_mut(n) {
+            let mut factor = row[k];
+            for lane in 0..LANES {
+                factor[lane] *= inverse[lane];
+            }
+            row[k] = factor;
+            for (to, from) in row[k + 1..].iter_mut().zip(&pivot[k + 1..]) {
+                for lane in 0..LANES {
+                    to[lane] -= factor[lane] * from[lane];
+                }
+            }
+        }
+    }
+}
+
+/// x with L U x = b in place.
+#[inline(always)]
+fn solve(lu: &[Lane], n: usize, x: &mut [Lane]) {
+    for i in 0..n {
+        let mut sum = x[i];
+        for k in 0..i {
+            let (l, x) = (&lu[i * n + k], &x[k]);
+            for lane in 0..LANES {
+                sum[lane] -= l[lane] * x[lane];
+            }
+        }
+        x[i] = sum;
+    }
+    for i in (0..n).rev() {
+        let mut sum = x[i];
+        for k in i + 1..n {
+            let (u, x) = (&lu[i * n + k], &x[k]);
+            for lane in 0..LANES {
+                sum[lane] -= u[lane] * x[lane];
+            }
+        }
+        let diagonal = &lu[i * n + i];
+        for lane in 0..LANES {
+            sum[lane] /= diagonal[lane];
+        }
+        x[i] = sum;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use std::path::Path;
+
+    use crate::effect::registry;
+    use crate::hybrid::{DrivenInputs, Hybrid, Placed};
+    use crate::model::Model;
+    use crate::shooting::{Roller, Trajectory};
+
+    const SPAN: (usize, usize) = (0, 31);
+
+    /// A pole whose bearing sticks: 0.05 N·m, at a rate of 10⁴ 1/s about rest. And a bristle on the cart.
+    fn sticking(stiff: bool) -> Hybrid {
+        let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
+        let mut hybrid = Hybrid::of(&Model::load(&models.join("cartpole/cartpole.toml")).unwrap());
+        assert!(!hybrid.is_stiff());
+        for (kind, target, smoothing, values) in [
+            ("coulomb_friction", 1, 1e-3, &[0.05][..]),
+            ("hysteresis", 0, 0.01, &[3.0, 0.05][..]),
+        ] {
+            let kind = registry::find(kind).unwrap();
+            let placed = Placed {
+                kind,
+                target,
+                smoothing,
+            };
+            hybrid.add(placed, values, false);
+        }
+        hybrid.stepped_implicitly(stiff)
+    }
+
+    /// 20 ms a sample. The pole swings up to where it sticks, and the cart pulls it away again.
+    fn pushes(hybrid: &Hybrid, theta: &[f64], substeps: usize) -> DrivenInputs {
+        let t: Vec<f64> = (0..31).map(|k| f64::from(k) * 0.02).collect();
+        let u: Vec<f64> = t.iter().map(|t| 2.0 * (9.0 * t).sin()).collect();
+        hybrid.drive(&t, &[u], substeps, theta, &hybrid.free())
+    }
+
+    const START: [f64; 5] = [0.1, 3.0, -0.2, 0.4, 1e-3];
+
+    fn rolled(hybrid: &Hybrid, theta: &[f64], start: &[f64], substeps: usize) -> Trajectory {
+        let mut out = Trajectory::default();
+        let inputs = pushes(hybrid, theta, substeps);
+        Roller::new(hybrid, &[])
+            .roll(theta, &inputs, SPAN, start, &mut out)
+            .unwrap();
+        out
+    }
+
+    fn largest(a: &[f64], b: &[f64]) -> f64 {
+        let distances = a.iter().zip(b).map(|(a, b)| (a - b).abs());
+        distances.fold(0.0, f64::max)
+    }
+
+    /// Steps 200 times longer than explicit ones that resolve it agree with those; explicit ones of the same length are lost.
+    #[test]
+    fn a_joint_that_sticks_takes_steps_that_are_longer_than_its_friction_is_fast() {
+        let (implicit, explicit) = (sticking(true), sticking(false));
+        let theta = implicit.theta();
+        let exact = rolled(&explicit, &theta, &START, 1600);
+        let sticks = exact.states.chunks(5).filter(|x| x[3].abs() < 1e-3).count();
+        assert!((3..28).contains(&sticks), "{sticks}");
+        let error = |substeps| {
+            let own = rolled(&implicit, &theta, &START, substeps);
+            largest(&own.states, &exact.states)
+        };
+        let (coarse, fine) = (error(8), error(64));
+        assert!(coarse < 1e-2 && fine < 1e-3, "{coarse:e}, {fine:e}");
+        let lost = rolled(&explicit, &theta, &START, 8);
+        let lost = largest(&lost.states, &exact.states);
+        assert!(lost > 10.0 * coarse, "{lost:e} {coarse:e}");
+    }
+
+    /// The derivatives are those of the steps themselves: central differences, in the initial state and in every free constant.
+    #[test]
+    fn sensitivities_of_implicit_steps_are_exact() {
+        let hybrid = sticking(true);
+        let (theta, free) = (hybrid.theta(), hybrid.free());
+        let mut out = Trajectory::default();
+        Roller::new(&hybrid, &free)
+            .roll_with_sensitivities(&theta, &pushes(&hybrid, &theta, 8), SPAN, &START, &mut out)
+            .unwrap();
+        let nx = START.len();
+        let columns = nx + free.len();
+        let at = |column: usize, step: f64| {
+            let (mut theta, mut start) = (theta.clone(), START);
+            match column.checked_sub(nx) {
+                None => start[column] += step,
+                Some(k) => theta[free[k]] += step,
+            }
+            rolled(&hybrid, &theta, &start, 8).states
+        };
+        for column in 0..columns {
+            let step = 1e-6;
+            let (up, down) = (at(column, step), at(column, -step));
+            let (mut worst, mut size) = (0.0_f64, 0.0_f64);
+            for (sample, (up, down)) in up.chunks(nx).zip(down.chunks(nx)).enumerate() {
+                let own = &out.sensitivities[(sample * columns + column) * nx..][..nx];
+                for ((up, down), own) in up.iter().zip(down).zip(own) {
+                    let difference = (up - down) / (2.0 * step);
+                    worst = worst.max((own - difference).abs());
+                    size = size.max(difference.abs());
+                }
+            }
+            assert!(
+                worst < 1e-3 * size.max(1e-3),
+                "{column}: {worst:e} of {size:e}"
+            );
+        }
+    }
+}
