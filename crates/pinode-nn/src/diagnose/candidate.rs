@@ -1,6 +1,6 @@
 //! What could be missing: every kind of effect on every target where it makes sense.
 
-use crate::effect::{ActsOn, Kind, Scales, default_smoothing, registry};
+use crate::effect::{ActsOn, Kind, Scales, registry};
 use crate::hybrid::{Hybrid, Placed};
 
 /// Whether both kinds contain the same simpler one and neither contains the other: side by side they would count it twice.
@@ -95,7 +95,7 @@ impl Candidate {
                 smoothing: self
                     .replaces(hybrid)
                     .and_then(|index| hybrid.effects().get(index))
-                    .map_or(default_smoothing(angular), |known| known.smoothing),
+                    .map_or(hybrid.default_smoothing(angular), |known| known.smoothing),
             },
             values,
             false,

@@ -10,9 +10,7 @@
 use lagrange::Scalar;
 
 use super::study::{Comparison, Fitted, Study};
-use crate::effect::{
-    Action, Family, Kind, MemoryLaw, ParameterSpec, Quantity, Seen, WithMemory, default_smoothing,
-};
+use crate::effect::{Action, Family, Kind, MemoryLaw, ParameterSpec, Quantity, Seen, WithMemory};
 use crate::hybrid::{Hybrid, Placed};
 
 /// Rounds of expectation and maximisation, each with so many iterations of the initial states.
@@ -128,7 +126,7 @@ fn placed(fitted: &Fitted, c: usize, deviation: f64) -> (Hybrid, Vec<f64>) {
     let placed = Placed {
         kind: &KIND,
         target: c,
-        smoothing: default_smoothing(hybrid.mechanics().coordinates()[c].angular),
+        smoothing: hybrid.default_smoothing(hybrid.mechanics().coordinates()[c].angular),
     };
     hybrid.add(placed, &[deviation], true);
     let theta = [&fitted.inside.theta[..], &[deviation]].concat();

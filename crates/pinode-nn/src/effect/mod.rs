@@ -65,7 +65,8 @@ pub(crate) use memory::MOST_STATES;
 pub use memory::{MemoryDerivatives, MemoryForce, MemoryLaw, Seen, WithMemory};
 pub use pointwise::{Pointwise, PointwiseLaw};
 
-/// Velocity over which a sign change of friction is spread unless the model says otherwise: 3 mm/s, or 10 mrad/s on an angle.
+/// Velocity over which a sign change of friction is spread unless the model says otherwise: 3 mm/s, or 10 mrad/s on an angle. A tenth of it in a model
+/// that is [stepped implicitly](crate::hybrid::Hybrid::is_stiff).
 pub fn default_smoothing(angular: bool) -> f64 {
     if angular { 1e-2 } else { 3e-3 }
 }

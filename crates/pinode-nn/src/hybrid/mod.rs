@@ -42,6 +42,8 @@ use extra::{Extra, Variants};
 
 /// Friction with a faster rate than this, 1/s, is stepped implicitly: explicit steps would have to be shorter than a millisecond.
 const STIFF: f64 = 2.5e3;
+/// Implicit steps follow friction whose change of sign is spread over so many times less: on what is light and is often held, creeping shows most.
+const SHARPER: f64 = 0.1;
 
 /// One entry of θ.
 #[derive(Debug, Clone, PartialEq)]
@@ -189,7 +191,19 @@ impl Hybrid {
             hybrid.add(placed, &entry.values, entry.fixed);
         }
         hybrid.stiff = hybrid.fastest_friction() > STIFF;
+        if hybrid.stiff {
+            for (placed, entry) in hybrid.effects.iter_mut().zip(&model.effects) {
+                if entry.smoothing.is_none() {
+                    placed.smoothing *= SHARPER;
+                }
+            }
+        }
         hybrid
+    }
+
+    /// The velocity over which a sign change of friction is spread unless a model says otherwise, m/s or, of an angle, rad/s.
+    pub fn default_smoothing(&self, angular: bool) -> f64 {
+        default_smoothing(angular) * if self.stiff { SHARPER } else { 1.0 }
     }
 
     /// The fastest rate of friction without a memory at rest in the middle of the coordinates, −(M⁻¹)_jj ∂Q_j/∂v_j, 1/s.

@@ -26,7 +26,7 @@ pub(crate) struct EightRoller<'a> {
     memory: EightMemory,
     arch: Arch,
     /// (x, S) at the beginning of the step.
-    base: Vec<Lane>,
+    pub(super) base: Vec<Lane>,
     /// (x, S) at a stage of it.
     point: Vec<Lane>,
     /// k₁ + 2 k₂ + 2 k₃ + k₄.
@@ -34,7 +34,7 @@ pub(crate) struct EightRoller<'a> {
     /// One column of a slope.
     slope: Vec<Lane>,
     /// Of a model that needs it.
-    stiff: Option<Box<Stiff>>,
+    pub(super) stiff: Option<Box<Stiff>>,
 }
 
 impl<'a> EightRoller<'a> {
@@ -124,59 +124,6 @@ impl<'a> EightRoller<'a> {
         Ok(())
     }
 
-    /// Steps up to eight windows of a stiff model; after each step `keep` sees of every window whether it ends at a sample, x before the step, and
-    /// (x, S) after it: S from a unit at its beginning, in the state, θ_free and the forces (Q, ḣ) along the step.
-    pub(super) fn each_step(
-        &mut self,
-        theta: &[f64],
-        members: &[Member<'_>],
-        mut keep: impl FnMut(usize, bool, (&[f64], &[f64])),
-    ) -> Result<(), Diverged> {
-        let Some(last) = members.last() else {
-            return Ok(());
-        };
-        let count = last.span.1;
-        let own = members;
-        let members: [&Member; LANES] = std::array::from_fn(|k| members.get(k).unwrap_or(last));
-        let inputs = members.map(|member| member.inputs);
-        let substeps = last.inputs.grid.substeps;
-        let nx = self.hybrid.nx();
-        let columns = 1 + nx + self.free.len() + nx - self.hybrid.nv();
-        self.base.clear();
-        self.base.resize(columns * nx, [0.0; LANES]);
-        for i in 0..nx {
-            self.base[i] = members.map(|member| member.initial[i]);
-        }
-        if let Some(stiff) = &mut self.stiff {
-            stiff.forget();
-        }
-        let (mut before, mut after) = (vec![0.0; nx], vec![0.0; columns * nx]);
-        let mut start = vec![[0.0; LANES]; nx];
-        for sample in 0..count - 1 {
-            for step in 0..substeps {
-                let (x, s) = self.base.split_at_mut(nx);
-                start.copy_from_slice(x);
-                s.fill([0.0; LANES]);
-                for diagonal in s.iter_mut().step_by(nx + 1).take(nx) {
-                    *diagonal = [1.0; LANES];
-                }
-                let steps = members.map(|m| (m.span.0 + sample) * substeps + step);
-                self.step(theta, &Eight { inputs, steps })?;
-                for lane in 0..own.len() {
-                    for (to, from) in before.iter_mut().zip(&start) {
-                        *to = from[lane];
-                    }
-                    for (to, from) in after.iter_mut().zip(&self.base) {
-                        *to = from[lane];
-                    }
-                    keep(lane, step + 1 == substeps, (&before, &after));
-                }
-            }
-            Diverged::check(self.base.as_flattened())?;
-        }
-        Ok(())
-    }
-
     /// Appends the present (x, S) to each window's own.
     fn keep(&self, out: &mut [Trajectory]) {
         let (x, s) = self.base.split_at(self.hybrid.nx());
@@ -187,7 +134,7 @@ impl<'a> EightRoller<'a> {
     }
 
     /// One step for (x, S), Ṡ = (∂f/∂x) S + ∂f/∂θ: of the classical Runge-Kutta method unless the model is [stiff](Stiff).
-    fn step(&mut self, theta: &[f64], at: &Eight<'_>) -> Result<(), Diverged> {
+    pub(super) fn step(&mut self, theta: &[f64], at: &Eight<'_>) -> Result<(), Diverged> {
         let h = std::array::from_fn(|lane| {
             let (bounds, step) = (&at.inputs[lane].grid.bounds, at.steps[lane]);
             bounds[step + 1] - bounds[step]

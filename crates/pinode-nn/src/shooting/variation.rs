@@ -1,12 +1,8 @@
 //! What small forces along a roll-out do to it, to first order.
 
-use integrators::Method;
 use lagrange::LANES;
 use pulp::{Arch, NullaryFnOnce};
-use rayon::prelude::*;
 
-use super::eight::{EightRoller, Member};
-use super::{Diverged, Roller, Trajectory};
 use crate::hybrid::{DrivenInputs, Hybrid, Lane, Memory};
 
 /// A roll-out taken apart into its integration steps, so that the effect of any small force along it takes one pass:
@@ -20,223 +16,23 @@ use crate::hybrid::{DrivenInputs, Hybrid, Lane, Memory};
 #[derive(Debug, Clone, Default)]
 pub struct Variation {
     /// Number of states, and of velocities.
-    nx: usize,
-    nv: usize,
+    pub(super) nx: usize,
+    pub(super) nv: usize,
     /// First step of the roll-out on the grid of the inputs.
-    first: usize,
+    pub(super) first: usize,
     /// F of every step, nx × nx, column after column.
-    transitions: Vec<f64>,
+    pub(super) transitions: Vec<f64>,
     /// State in the middle of every step, nx numbers.
-    middles: Vec<f64>,
+    pub(super) middles: Vec<f64>,
     /// (Q, ḣ) there.
-    forces: Vec<f64>,
+    pub(super) forces: Vec<f64>,
     /// M⁻¹ there, nv × nv, column after column.
-    responses: Vec<f64>,
+    pub(super) responses: Vec<f64>,
     /// R of every step of a stiff model, nx × (nx − nv), column after column; empty for others.
-    reactions: Vec<f64>,
-}
-
-impl Roller<'_> {
-    /// As [`roll_with_sensitivities`](Self::roll_with_sensitivities), and keeps the single steps.
-    pub fn roll_step_by_step(
-        &mut self,
-        theta: &[f64],
-        inputs: &DrivenInputs,
-        (first, count): (usize, usize),
-        initial: &[f64],
-        out: &mut Trajectory,
-        steps: &mut Variation,
-    ) -> Result<(), Diverged> {
-        let nx = initial.len();
-        let system = self.with_sensitivities(theta, inputs, initial);
-        let substeps = inputs.grid.substeps;
-        *steps = Variation {
-            nx,
-            nv: self.hybrid.nv(),
-            first: first * substeps,
-            ..Variation::default()
-        };
-        let unit = |to: &mut [f64]| {
-            to.fill(0.0);
-            (0..nx).for_each(|i| to[i * nx + i] = 1.0);
-        };
-        let mut total = vec![0.0; nx * self.columns()];
-        unit(&mut total);
-        let mut next = total.clone();
-        let mut middle = vec![0.0; nx];
-        out.states.clear();
-        out.sensitivities.clear();
-        out.states.extend_from_slice(initial);
-        out.sensitivities.extend_from_slice(&total);
-        for sample in first..first + count - 1 {
-            for step in sample * substeps..(sample + 1) * substeps {
-                let (a, b) = (inputs.grid.bounds[step], inputs.grid.bounds[step + 1]);
-                middle.copy_from_slice(&self.state[..nx]);
-                unit(&mut self.state[nx..]);
-                let (state, memory) = (&mut self.state, &mut self.memory);
-                Method::step(&mut self.rk4, &system, a, b - a, &step, memory, state)?;
-                let (x, own) = self.state.split_at(nx);
-                for (m, x) in middle.iter_mut().zip(x) {
-                    *m = 0.5 * (*m + x);
-                }
-                // S_{i+1} = F S_i + ∂x_{i+1}/∂θ at fixed x_i.
-                let (transition, by_theta) = own.split_at(nx * nx);
-                multiply(transition, &total, &mut next);
-                for (to, own) in next[nx * nx..].iter_mut().zip(by_theta) {
-                    *to += own;
-                }
-                std::mem::swap(&mut total, &mut next);
-                steps.transitions.extend_from_slice(transition);
-                steps.keep_middle(self.hybrid, (theta, inputs, step), &middle, memory)?;
-            }
-            Diverged::check(&self.state[..nx])?;
-            out.states.extend_from_slice(&self.state[..nx]);
-            out.sensitivities.extend_from_slice(&total);
-        }
-        Ok(())
-    }
-}
-
-/// `out` = A B for column-major A, n × n, and B, n × any.
-fn multiply(a: &[f64], b: &[f64], out: &mut [f64]) {
-    let n = a.len().isqrt();
-    for (b, out) in b.chunks_exact(n).zip(out.chunks_exact_mut(n)) {
-        out.fill(0.0);
-        for (a, b) in a.chunks_exact(n).zip(b) {
-            for (out, a) in out.iter_mut().zip(a) {
-                *out += a * b;
-            }
-        }
-    }
-}
-
-/// The roll-outs of windows, eight at once where the model is stiff, else one after the other; none where they diverge.
-pub(crate) fn roll_steps(
-    (hybrid, theta, free): (&Hybrid, &[f64], &[usize]),
-    members: &[Member<'_>],
-) -> Vec<Option<(Trajectory, Variation)>> {
-    let alike = |member: &Member| (member.span.1, member.inputs.grid.substeps);
-    let most = if hybrid.is_stiff() { LANES } else { 1 };
-    let groups: Vec<&[Member]> = members
-        .chunk_by(|a, b| alike(a) == alike(b))
-        .flat_map(|alike| alike.chunks(most))
-        .collect();
-    let of_group = |members: &[Member]| -> Vec<Option<(Trajectory, Variation)>> {
-        let one = |member: &Member| {
-            let (mut out, mut steps) = (Trajectory::default(), Variation::default());
-            let Member {
-                inputs,
-                span,
-                initial,
-            } = *member;
-            Roller::new(hybrid, free)
-                .roll_step_by_step(theta, inputs, span, initial, &mut out, &mut steps)
-                .ok()?;
-            Some((out, steps))
-        };
-        let eight = || EightRoller::new(hybrid, free).roll_step_by_step(theta, members);
-        match hybrid.is_stiff() {
-            false => members.iter().map(one).collect(),
-            true => match eight() {
-                Ok(rolled) => rolled.into_iter().map(Some).collect(),
-                Err(_) => {
-                    let alone = |member: &Member| {
-                        let rolled = EightRoller::new(hybrid, free)
-                            .roll_step_by_step(theta, std::slice::from_ref(member));
-                        rolled.ok()?.pop()
-                    };
-                    members.iter().map(alone).collect()
-                }
-            },
-        }
-    };
-    groups.into_par_iter().flat_map_iter(of_group).collect()
-}
-
-impl EightRoller<'_> {
-    /// Up to eight windows of a stiff model, each with the single steps: as [`roll_all`](super::roll_all) with sensitivities.
-    fn roll_step_by_step(
-        &mut self,
-        theta: &[f64],
-        members: &[Member<'_>],
-    ) -> Result<Vec<(Trajectory, Variation)>, Diverged> {
-        let hybrid = self.hybrid;
-        let (nv, nx) = (hybrid.nv(), hybrid.nx());
-        let columns = nx + self.free.len();
-        let mut memory = hybrid.memory(&[]);
-        let mut rolled = Vec::with_capacity(members.len());
-        for member in members {
-            let mut out = Trajectory::default();
-            let mut unit = vec![0.0; nx * columns];
-            (0..nx).for_each(|i| unit[i * nx + i] = 1.0);
-            out.states.extend_from_slice(member.initial);
-            out.sensitivities.extend_from_slice(&unit);
-            let steps = Variation {
-                nx,
-                nv,
-                first: member.span.0 * member.inputs.grid.substeps,
-                ..Variation::default()
-            };
-            rolled.push((out, steps, unit));
-        }
-        let mut next = vec![0.0; nx * columns];
-        let mut middle = vec![0.0; nx];
-        self.each_step(theta, members, |lane, ends, (before, after)| {
-            let (out, steps, total) = &mut rolled[lane];
-            let (x, own) = after.split_at(nx);
-            for ((m, x), before) in middle.iter_mut().zip(x).zip(before) {
-                *m = 0.5 * (x + before);
-            }
-            // S_{i+1} = F S_i + ∂x_{i+1}/∂θ at fixed x_i.
-            let (transition, by_theta) = own.split_at(nx * nx);
-            let (by_theta, reaction) = by_theta.split_at(nx * (columns - nx));
-            multiply(transition, total, &mut next);
-            for (to, own) in next[nx * nx..].iter_mut().zip(by_theta) {
-                *to += own;
-            }
-            std::mem::swap(total, &mut next);
-            steps.transitions.extend_from_slice(transition);
-            steps.reactions.extend_from_slice(reaction);
-            let inputs = members[lane].inputs;
-            let step = steps.first + steps.middles.len() / nx;
-            let state = hybrid.parts(&middle);
-            let (force, rates) = hybrid.forces(state, theta, inputs, step, &mut memory);
-            steps.forces.extend_from_slice(force);
-            steps.forces.extend_from_slice(rates);
-            steps.middles.extend_from_slice(&middle);
-            if ends {
-                out.states.extend_from_slice(x);
-                out.sensitivities.extend_from_slice(total);
-            }
-        })?;
-        Ok(rolled
-            .into_iter()
-            .map(|(out, steps, _)| (out, steps))
-            .collect())
-    }
+    pub(super) reactions: Vec<f64>,
 }
 
 impl Variation {
-    /// Forces and M⁻¹ in the middle of a step.
-    fn keep_middle(
-        &mut self,
-        hybrid: &Hybrid,
-        (theta, inputs, step): (&[f64], &DrivenInputs, usize),
-        middle: &[f64],
-        memory: &mut Memory,
-    ) -> Result<(), Diverged> {
-        let state = hybrid.parts(middle);
-        let (force, rates) = hybrid.forces(state, theta, inputs, step, memory);
-        self.forces.extend_from_slice(force);
-        self.forces.extend_from_slice(rates);
-        hybrid
-            .linearize(state, theta, &[], inputs, step, memory)
-            .map_err(Diverged::Dynamics)?;
-        self.responses.extend_from_slice(memory.response());
-        self.middles.extend_from_slice(middle);
-        Ok(())
-    }
-
     /// The states at the samples under each of up to eight forces: `states` of the roll-out plus what the force would change, into `out`,
     /// one a force.
     pub fn under(
@@ -453,6 +249,7 @@ mod tests {
     use crate::effect::{Action, registry};
     use crate::hybrid::Placed;
     use crate::model::Model;
+    use crate::shooting::{Member, Roller, Trajectory, roll_steps};
 
     fn pendulum_on_a_cart() -> Hybrid {
         let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
