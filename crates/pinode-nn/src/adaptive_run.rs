@@ -146,7 +146,7 @@ pub fn simulate_adaptively(
     u: &[Vec<f64>],
     initial: &[f64],
 ) -> Result<RollOut, Error> {
-    let hybrid = Hybrid::of(model);
+    let hybrid = Hybrid::explicit(model);
     let by = AdaptiveRun::new(&hybrid, t, u);
     let rolled = by
         .roll(&by.settings(method, relative), initial)

@@ -241,7 +241,7 @@ pub fn simulate_by(
     if t.is_empty() {
         return Ok(Vec::new());
     }
-    let hybrid = Hybrid::of(model);
+    let hybrid = Hybrid::explicit(model);
     let FreeRun { theta, inputs, .. } = FreeRun::new(&hybrid, t, u, longest_step);
     let motion = HybridMotion::new(&hybrid, &theta, &[], &inputs);
     let (_, v) = initial.split_at(hybrid.nq().min(initial.len()));

@@ -200,10 +200,16 @@ pub(crate) fn diagnose_into(
     let first_guess = |run: usize, k: usize| prepared.smoothed[run].state(k);
     let lead = LEAD_S.min(0.5 * prepared.window);
     let (path, written, mut gap, free_runs) = loop {
-        let revision = write_up::revision(model, &search, &provenance);
+        let mut revision = write_up::revision(model, &search, &provenance);
         let path = model.write_revision(out, file_name, &revision)?;
         // What is measured is what was written: the file is read back.
-        let written = Hybrid::of(&Model::load(&path)?);
+        let mut written = Hybrid::of(&Model::load(&path)?);
+        if written.is_stiff() != search.model.hybrid.is_stiff() {
+            // With what was found the default is another than that of the fit.
+            write_up::say_smoothing(&mut revision, &search.model.hybrid);
+            model.write_revision(out, file_name, &revision)?;
+            written = Hybrid::of(&Model::load(&path)?);
+        }
         let given = &search.null.hybrid;
         let free_runs = gap::free_runs(
             study,

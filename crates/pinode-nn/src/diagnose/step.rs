@@ -342,7 +342,7 @@ impl Contender {
 
 /// Whether the gain stands when both models are fitted with half the step and half the smoothing.
 fn is_numerically_sound(study: &Study, current: &Fitted, contender: &Contender) -> bool {
-    // A gain as large as this is not made of integration errors below a tenth of the noise.
+    // A gain as large as this is not made of integration errors below a third of the noise.
     if contender.comparison.inside_gain > 0.5 || contender.imitated {
         return true;
     }

@@ -9,7 +9,7 @@ use super::curves::ResidualForce;
 use super::remainder::Remainder;
 use super::study::{Fitted, Study};
 use super::verdict::{ForceCurve, Memory, NearShape, SharedSignal, Unexplained};
-use crate::effect::{Action, default_smoothing, registry};
+use crate::effect::{Action, registry};
 
 /// Points of the curve, and bins of each signal where two or three are taken together.
 const POINTS: usize = 24;
@@ -312,7 +312,7 @@ fn nearest(
     c: usize,
 ) -> Vec<NearShape> {
     let coordinate = &fitted.hybrid.mechanics().coordinates()[c];
-    let smoothing = default_smoothing(coordinate.angular);
+    let smoothing = fitted.hybrid.default_smoothing(coordinate.angular);
     let mut shapes: Vec<NearShape> = Vec::new();
     for kind in registry::all() {
         let Action::Joint(law) = kind.action else {

@@ -11,7 +11,7 @@ use super::verdict::{
     Alternative, Evidence, FittedConstant, Name, NamedEffect, ParameterValue, Provenance,
     RefinedName, Residual, ScreenedName, SearchStep,
 };
-use crate::effect::{ActsOn, default_smoothing};
+use crate::effect::ActsOn;
 use crate::hybrid::{ConstantId, Hybrid};
 use crate::model::{EffectEntry, Model, Revision, Target};
 
@@ -52,8 +52,9 @@ pub fn revision(model: &Model, search: &Search, provenance: &Provenance) -> Revi
                 values: theta[range.clone()].to_vec(),
                 smoothing: match own {
                     Some(own) => own.smoothing,
-                    None => (placed.smoothing != default_smoothing(angular))
-                        .then_some(placed.smoothing),
+                    None => (placed.kind.is_smoothed()
+                        && placed.smoothing != hybrid.default_smoothing(angular))
+                    .then_some(placed.smoothing),
                 },
                 fixed: own.is_some_and(|own| own.fixed),
             };
@@ -92,6 +93,15 @@ pub fn revision(model: &Model, search: &Search, provenance: &Provenance) -> Revi
         })
         .collect();
     revision
+}
+
+/// Gives every entry that may have one the smoothing velocity of the fitted model's effect.
+pub fn say_smoothing(revision: &mut Revision, hybrid: &Hybrid) {
+    for ((entry, _), placed) in revision.effects.iter_mut().zip(hybrid.effects()) {
+        if entry.kind.is_smoothed() {
+            entry.smoothing = Some(placed.smoothing);
+        }
+    }
 }
 
 /// Standard errors by index in θ.

@@ -134,6 +134,11 @@ impl Kind {
         self.memory().map_or(0, MemoryForce::states)
     }
 
+    /// Whether a model file may say over which velocity it spreads a change of sign.
+    pub fn is_smoothed(&self) -> bool {
+        self.acts_on() == ActsOn::Joint && self.inertial().is_none()
+    }
+
     /// Whether it stands between an input and its joint.
     pub fn is_transmission(&self) -> bool {
         matches!(self.action, Action::Transmission(_))

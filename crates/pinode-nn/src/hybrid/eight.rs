@@ -287,7 +287,7 @@ impl Hybrid {
     }
 
     /// The force of `law`, that of effect `index`, and its derivative in v_j.
-    fn slope_of_eight(
+    pub(super) fn slope_of_eight(
         &self,
         law: &dyn JointForce,
         index: usize,

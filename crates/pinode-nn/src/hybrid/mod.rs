@@ -23,7 +23,7 @@ use std::sync::Arc;
 
 use integrators::{Flat, PhaseSpace, Product, Space};
 use lagrange::mechanism::Link;
-use lagrange::{Mechanics, Role};
+use lagrange::{LANES, Mechanics, Role};
 
 use crate::effect::{Action, ActsOn, Between, Grid, Inertial, Kind, Signal, default_smoothing};
 use crate::entries::{Start, starts};
@@ -40,7 +40,7 @@ pub use reading::{Predicted, Reading};
 
 use extra::{Extra, Variants};
 
-/// Friction with a faster rate than this, 1/s, is stepped implicitly: explicit steps would have to be shorter than a millisecond.
+/// Friction with a faster rate about rest than this, 1/s, is stepped implicitly: explicit steps would have to be shorter than a millisecond.
 const STIFF: f64 = 2.5e3;
 /// Implicit steps follow friction whose change of sign is spread over so many times less: on what is light and is often held, creeping shows most.
 const SHARPER: f64 = 0.1;
@@ -121,7 +121,7 @@ pub struct Hybrid {
     extra: Option<Arc<Extra>>,
     /// Factor on all smoothing velocities: halved to see whether a finding is numerical.
     smoothing_scale: f64,
-    /// Whether friction in the model as given stops a joint too fast for explicit steps.
+    /// Whether friction in the model as given is too fast for explicit steps.
     stiff: bool,
 }
 
@@ -135,8 +135,23 @@ pub struct DrivenInputs {
 }
 
 impl Hybrid {
-    /// A model file's mechanics, inputs and effects, with its tolerances.
+    /// A model file's mechanics, inputs and effects, with its tolerances, for fits and roll-outs: [stepped implicitly](Self::is_stiff) where its
+    /// friction asks for it.
     pub fn of(model: &Model) -> Self {
+        let mut hybrid = Hybrid::explicit(model);
+        hybrid.stiff = hybrid.fastest_friction() > STIFF;
+        if hybrid.stiff {
+            for (placed, entry) in hybrid.effects.iter_mut().zip(&model.effects) {
+                if entry.smoothing.is_none() {
+                    placed.smoothing *= SHARPER;
+                }
+            }
+        }
+        hybrid
+    }
+
+    /// The same for methods that choose their steps themselves or are told them: never stiff, friction smoothed as the file says.
+    pub fn explicit(model: &Model) -> Self {
         let mechanics = model.mechanics.clone();
         let tolerance = &model.tolerance;
         let within = |id, value: f64, relative: f64| Constant {
@@ -190,14 +205,6 @@ impl Hybrid {
             };
             hybrid.add(placed, &entry.values, entry.fixed);
         }
-        hybrid.stiff = hybrid.fastest_friction() > STIFF;
-        if hybrid.stiff {
-            for (placed, entry) in hybrid.effects.iter_mut().zip(&model.effects) {
-                if entry.smoothing.is_none() {
-                    placed.smoothing *= SHARPER;
-                }
-            }
-        }
         hybrid
     }
 
@@ -206,23 +213,31 @@ impl Hybrid {
         default_smoothing(angular) * if self.stiff { SHARPER } else { 1.0 }
     }
 
-    /// The fastest rate of friction without a memory at rest in the middle of the coordinates, −(M⁻¹)_jj ∂Q_j/∂v_j, 1/s.
+    /// The fastest rate of dry friction at rest where all coordinates are 0, −(M⁻¹)_jj ∂Q_j/∂v_j, 1/s; 0 where M has no inverse there, where a body
+    /// floats and under constraints.
     fn fastest_friction(&self) -> f64 {
         let (n, theta) = (self.nv(), self.theta());
-        // Where a body floats, none is: fits and their steps are for other models.
-        if self.nq() != n {
+        if self.nq() != n || self.mechanics.constraints().is_some() {
             return 0.0;
         }
-        let rest = vec![[0.0; lagrange::LANES]; self.nx()];
-        let mut slopes = vec![[0.0; lagrange::LANES]; n];
-        self.slopes_of_eight(&rest, &theta, &mut slopes);
+        let rest = vec![[0.0; LANES]; self.nx()];
+        let zeros = vec![0.0; n];
         let mut mass = nalgebra::DMatrix::zeros(n, n);
-        self.mass_matrix_into(&vec![0.0; n], &theta, &mut self.memory(&[]), &mut mass);
+        self.mass_matrix_into(&zeros, &theta, &mut self.memory(&[]), &mut mass);
         let Some(mass) = nalgebra::Cholesky::new(mass) else {
             return 0.0;
         };
         let response = mass.inverse().diagonal();
-        let rates = response.iter().zip(&slopes).map(|(r, slope)| -r * slope[0]);
+        let mut slopes = zeros;
+        for (index, effect) in self.effects.iter().enumerate() {
+            if let Action::Joint(law) = effect.kind.action
+                && law.dry().is_some()
+            {
+                let [_, slope] = self.slope_of_eight(law, index, &rest, &theta);
+                slopes[self.starts[effect.target].v] += slope[0];
+            }
+        }
+        let rates = response.iter().zip(&slopes).map(|(r, slope)| -r * slope);
         rates.fold(0.0, f64::max)
     }
 
@@ -233,7 +248,7 @@ impl Hybrid {
         self
     }
 
-    /// Whether roll-outs take steps that are implicit: friction stops a joint within less than a millisecond.
+    /// Whether roll-outs take steps that are implicit: dry friction brings a joint to rest at a rate of more than 2500 1/s.
     pub fn is_stiff(&self) -> bool {
         self.stiff
     }

@@ -76,7 +76,7 @@ fn read_one(
     };
 
     let mut known = vec!["kind", target_key, "fixed"];
-    let smoothed = kind.acts_on() == ActsOn::Joint && kind.inertial().is_none();
+    let smoothed = kind.is_smoothed();
     if smoothed {
         known.push("smoothing");
     }

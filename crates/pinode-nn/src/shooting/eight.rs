@@ -246,7 +246,8 @@ impl<const STAGE: usize> Stage<'_, STAGE> {
 }
 
 /// The roll-outs of windows, in their order, eight at once and in threads; none where they diverge. Where one of eight does, all of them
-/// are rolled out one after the other. Results depend on the groups by rounding, on the number of threads not at all.
+/// are rolled out one after the other. Results depend on the groups by rounding, those of
+/// stiff models by what their stages are solved to, on the number of threads not at all.
 pub(crate) fn roll_all(
     (hybrid, theta, free): (&Hybrid, &[f64], &[usize]),
     members: &[Member<'_>],

@@ -125,7 +125,7 @@ fn fill((n, nx): (usize, usize), g: Lane, linear: &[Lane], matrix: &mut [Lane]) 
 }
 
 /// L U = W in place. Without pivots: W is I + γh M⁻¹ K with K the slopes of friction, which a scaling of rows and columns makes symmetric
-/// and positive, but for what is small with the step.
+/// and positive, but for what is small with the step and where friction falls with the speed.
 #[inline(always)]
 fn factorise(w: &mut [Lane], n: usize) {
     for k in 0..n {
