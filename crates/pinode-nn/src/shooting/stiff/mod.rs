@@ -365,7 +365,7 @@ mod tests {
             target: 1,
             smoothing: 1e-3,
         };
-        stribeck.add(placed, &[0.05, 0.2, 0.02], false);
+        stribeck.add(placed, &[0.05, 0.2, 0.004], false);
         let stribeck = stribeck.stepped_implicitly(true);
         let (theta, start) = (stribeck.theta(), &START[..4]);
         let exact = rolled(&stribeck, &theta, start, 512);
