@@ -159,7 +159,7 @@ fn what_stretched_tolerances_imitate_is_found_with_its_size() {
     }
 }
 
-/// Tolerances take all of this mass: of what a screen sees, a ten-thousandth is left, less than the curvature of a step of two hundredths.
+/// Tolerances take all of this mass: of what a screen sees, a ten-thousandth is left.
 #[test]
 fn a_mass_that_tolerances_swallow_is_found() {
     let hidden = Hidden::AddedMass {

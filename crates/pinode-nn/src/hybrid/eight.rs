@@ -43,6 +43,8 @@ pub(crate) struct EightMemory {
     arch: Arch,
     /// (v̇, ḣ) of the last call.
     pub rates: Vec<Lane>,
+    /// ∂Q_j/∂v_j of the forces on the joints without a memory, of the last call that linearised or was asked for them.
+    pub slopes: Vec<Lane>,
     /// ∂(v̇, ḣ)/∂(q, v, h, θ_free) of the last call, column after column.
     pub linear: Vec<Lane>,
 }
@@ -75,6 +77,7 @@ impl Hybrid {
             extra: self.extra.as_ref().map(|e| e.memory(n, selected.len())),
             arch: Arch::new(),
             rates: zeros(n + nh),
+            slopes: zeros(n),
             linear: zeros((n + nh) * count),
             selected,
         }
@@ -104,9 +107,10 @@ impl Hybrid {
             extra,
             arch,
             rates,
+            slopes,
             linear,
         } = memory;
-        for lanes in [&mut *forces, &mut *rates, &mut *linear] {
+        for lanes in [&mut *forces, &mut *rates, &mut *slopes, &mut *linear] {
             lanes.fill([0.0; LANES]);
         }
         self.drive_eight(at, driven, |index, v, lane, derivative| {
@@ -126,6 +130,7 @@ impl Hybrid {
                 add(&mut force[v], &value);
                 add(&mut forces[v * n + v], &by_q);
                 add(&mut forces[(n + v) * n + v], &by_v);
+                add(&mut slopes[v], &by_v);
                 for (index, by) in range.zip(by_p) {
                     if let Some(column) = columns[index] {
                         add(&mut forces[column * n + v], by);
@@ -212,19 +217,15 @@ impl Hybrid {
         Ok(())
     }
 
-    /// As [`acceleration`](Self::acceleration), of eight states; left in `memory.rates`. Into `slopes`, where they are asked for, what
-    /// [`slopes_of_eight`](Self::slopes_of_eight) leaves there.
+    /// As [`acceleration`](Self::acceleration), of eight states; left in `memory.rates`, and in `memory.slopes` with `slopes`.
     pub(crate) fn accelerate_eight(
         &self,
         x: &[Lane],
         theta: &[f64],
         at: &Eight<'_>,
         memory: &mut EightMemory,
-        mut slopes: Option<&mut [Lane]>,
+        slopes: bool,
     ) -> Result<(), Error> {
-        if let Some(slopes) = &mut slopes {
-            slopes.fill([0.0; LANES]);
-        }
         let (n, nq) = (self.nv(), self.nq());
         let EightMemory {
             work,
@@ -232,8 +233,10 @@ impl Hybrid {
             with_memory,
             extra,
             rates,
+            slopes: found,
             ..
         } = memory;
+        found.fill([0.0; LANES]);
         self.drive_eight(at, driven, |_, _, _, _| {});
         let (force, hidden) = rates.split_at_mut(n);
         force.copy_from_slice(driven);
@@ -243,13 +246,13 @@ impl Hybrid {
             let smoothing = effect.smoothing * self.smoothing_scale;
             if let Action::Joint(law) = effect.kind.action {
                 let Start { q, v } = self.starts[effect.target];
-                let value = match &mut slopes {
-                    Some(slopes) => {
+                let value = match slopes {
+                    true => {
                         let [value, slope] = self.slope_of_eight(law, index, x, theta);
-                        add(&mut slopes[v], &slope);
+                        add(&mut found[v], &slope);
                         value
                     }
-                    None => law.force_of_eight(&x[q], &x[nq + v], p, smoothing),
+                    false => law.force_of_eight(&x[q], &x[nq + v], p, smoothing),
                 };
                 add(&mut force[v], &value);
             } else if let Some(law) = effect.kind.memory() {
@@ -272,17 +275,6 @@ impl Hybrid {
             _ => self
                 .mechanics
                 .forward_dynamics_lanes_into(q, v, p, work, out),
-        }
-    }
-
-    /// ∂Q_j/∂v_j of the forces on the joints without a memory in eight states (q, v, …), into `slopes`.
-    pub(crate) fn slopes_of_eight(&self, x: &[Lane], theta: &[f64], slopes: &mut [Lane]) {
-        slopes.fill([0.0; LANES]);
-        for (index, effect) in self.effects.iter().enumerate() {
-            if let Action::Joint(law) = effect.kind.action {
-                let [_, slope] = self.slope_of_eight(law, index, x, theta);
-                add(&mut slopes[self.starts[effect.target].v], &slope);
-            }
         }
     }
 

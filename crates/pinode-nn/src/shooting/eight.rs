@@ -4,7 +4,7 @@ use lagrange::LANES;
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
-use super::stiff::Stiff;
+use super::stiff::{HALVINGS, On, Stiff};
 use super::{Diverged, Roller, Trajectory};
 use crate::hybrid::{DrivenInputs, Eight, EightMemory, Hybrid, Lane};
 
@@ -140,8 +140,14 @@ impl<'a> EightRoller<'a> {
             bounds[step + 1] - bounds[step]
         });
         if let Some(stiff) = &mut self.stiff {
-            let (model, memory) = ((self.hybrid, theta), &mut self.memory);
-            return stiff.step(model, at, h, memory, self.arch, &mut self.base);
+            let (hybrid, arch) = (self.hybrid, self.arch);
+            let on = On {
+                hybrid,
+                theta,
+                at,
+                arch,
+            };
+            return stiff.step(on, h, &mut self.memory, &mut self.base, HALVINGS);
         }
         self.point.copy_from_slice(&self.base);
         self.stage::<0>(theta, at, h)?;
@@ -160,7 +166,7 @@ impl<'a> EightRoller<'a> {
         let (memory, x) = (&mut self.memory, &self.point[..nx]);
         let found = match self.point.len() > nx {
             true => self.hybrid.linearize_eight(x, theta, at, memory),
-            false => self.hybrid.accelerate_eight(x, theta, at, memory, None),
+            false => self.hybrid.accelerate_eight(x, theta, at, memory, false),
         };
         found.map_err(Diverged::Dynamics)?;
         self.arch.dispatch(Stage::<STAGE> {
@@ -245,6 +251,13 @@ impl<const STAGE: usize> Stage<'_, STAGE> {
     }
 }
 
+/// Windows beside each other with the same number of samples and of steps between them, at most `most` together.
+pub(super) fn alike<'m, 'a>(members: &'m [Member<'a>], most: usize) -> Vec<&'m [Member<'a>]> {
+    let steps = |member: &Member| (member.span.1, member.inputs.grid.substeps);
+    let runs = members.chunk_by(|a, b| steps(a) == steps(b));
+    runs.flat_map(|run| run.chunks(most)).collect()
+}
+
 /// The roll-outs of windows, in their order, eight at once and in threads; none where they diverge. Where one of eight does, all of them
 /// are rolled out one after the other. Results depend on the groups by rounding, those of
 /// stiff models by what their stages are solved to, on the number of threads not at all.
@@ -253,11 +266,7 @@ pub(crate) fn roll_all(
     members: &[Member<'_>],
     derivatives: bool,
 ) -> Vec<Option<Trajectory>> {
-    let steps = |member: &Member| (member.span.1, member.inputs.grid.substeps);
-    let groups: Vec<&[Member]> = members
-        .chunk_by(|a, b| steps(a) == steps(b))
-        .flat_map(|alike| alike.chunks(LANES))
-        .collect();
+    let groups = alike(members, LANES);
     let rollers = || (EightRoller::new(hybrid, free), Roller::new(hybrid, free));
     groups
         .into_par_iter()

@@ -4,68 +4,120 @@ use integrators::Method;
 use lagrange::LANES;
 use rayon::prelude::*;
 
-use super::eight::{EightRoller, Member};
+use super::eight::{EightRoller, Member, alike};
 use super::{Diverged, Roller, Trajectory, Variation};
 use crate::hybrid::{DrivenInputs, Eight, Hybrid, Memory};
 
 impl Roller<'_> {
     /// As [`roll_with_sensitivities`](Self::roll_with_sensitivities), and keeps the single steps.
-    pub fn roll_step_by_step(
+    pub(crate) fn roll_step_by_step(
         &mut self,
         theta: &[f64],
-        inputs: &DrivenInputs,
-        (first, count): (usize, usize),
-        initial: &[f64],
-        out: &mut Trajectory,
-        steps: &mut Variation,
-    ) -> Result<(), Diverged> {
+        member: &Member<'_>,
+    ) -> Result<(Trajectory, Variation), Diverged> {
+        let Member {
+            inputs,
+            span: (first, count),
+            initial,
+        } = *member;
         let nx = initial.len();
         let system = self.with_sensitivities(theta, inputs, initial);
         let substeps = inputs.grid.substeps;
-        *steps = Variation {
-            nx,
-            nv: self.hybrid.nv(),
-            first: first * substeps,
-            ..Variation::default()
-        };
-        let unit = |to: &mut [f64]| {
-            to.fill(0.0);
-            (0..nx).for_each(|i| to[i * nx + i] = 1.0);
-        };
-        let mut total = vec![0.0; nx * self.columns()];
-        unit(&mut total);
-        let mut next = total.clone();
+        let mut kept = Kept::new(self.hybrid, member, self.columns());
         let mut middle = vec![0.0; nx];
-        out.states.clear();
-        out.sensitivities.clear();
-        out.states.extend_from_slice(initial);
-        out.sensitivities.extend_from_slice(&total);
         for sample in first..first + count - 1 {
             for step in sample * substeps..(sample + 1) * substeps {
                 let (a, b) = (inputs.grid.bounds[step], inputs.grid.bounds[step + 1]);
                 middle.copy_from_slice(&self.state[..nx]);
-                unit(&mut self.state[nx..]);
+                unit(nx, &mut self.state[nx..]);
                 let (state, memory) = (&mut self.state, &mut self.memory);
                 Method::step(&mut self.rk4, &system, a, b - a, &step, memory, state)?;
                 let (x, own) = self.state.split_at(nx);
                 for (m, x) in middle.iter_mut().zip(x) {
                     *m = 0.5 * (*m + x);
                 }
-                // S_{i+1} = F S_i + ∂x_{i+1}/∂θ at fixed x_i.
-                let (transition, by_theta) = own.split_at(nx * nx);
-                multiply(transition, &total, &mut next);
-                for (to, own) in next[nx * nx..].iter_mut().zip(by_theta) {
-                    *to += own;
-                }
-                std::mem::swap(&mut total, &mut next);
-                steps.transitions.extend_from_slice(transition);
-                steps.keep_middle(self.hybrid, (theta, inputs, step), &middle, memory)?;
+                kept.step(own);
+                kept.middle(self.hybrid, (theta, inputs, step), &middle, memory);
+                let state = self.hybrid.parts(&middle);
+                self.hybrid
+                    .linearize(state, theta, &[], inputs, step, memory)
+                    .map_err(Diverged::Dynamics)?;
+                kept.steps.responses.extend_from_slice(memory.response());
             }
             Diverged::check(&self.state[..nx])?;
-            out.states.extend_from_slice(&self.state[..nx]);
-            out.sensitivities.extend_from_slice(&total);
+            kept.sample(&self.state[..nx]);
         }
-        Ok(())
+        Ok((kept.out, kept.steps))
+    }
+}
+
+/// The derivatives of x in itself, and of nothing else: I, then zeros.
+fn unit(nx: usize, s: &mut [f64]) {
+    s.fill(0.0);
+    (0..nx).for_each(|i| s[i * nx + i] = 1.0);
+}
+
+/// What is kept of the steps of a window.
+struct Kept {
+    out: Trajectory,
+    steps: Variation,
+    /// S of the roll-out so far, and room for the next.
+    total: Vec<f64>,
+    next: Vec<f64>,
+}
+
+impl Kept {
+    fn new(hybrid: &Hybrid, member: &Member<'_>, columns: usize) -> Self {
+        let nx = hybrid.nx();
+        let mut total = vec![0.0; nx * columns];
+        unit(nx, &mut total);
+        Kept {
+            out: Trajectory {
+                states: member.initial.to_vec(),
+                sensitivities: total.clone(),
+            },
+            steps: Variation {
+                nx,
+                nv: hybrid.nv(),
+                first: member.span.0 * member.inputs.grid.substeps,
+                ..Variation::default()
+            },
+            next: total.clone(),
+            total,
+        }
+    }
+
+    /// A step of the derivatives `own`: S_{i+1} = F S_i + ∂x_{i+1}/∂θ at fixed x_i. What stands behind those in θ is R.
+    fn step(&mut self, own: &[f64]) {
+        let (transition, by_theta) = own.split_at(self.steps.nx * self.steps.nx);
+        let (by_theta, reaction) = by_theta.split_at(self.total.len() - transition.len());
+        multiply(transition, &self.total, &mut self.next);
+        for (to, own) in self.next[transition.len()..].iter_mut().zip(by_theta) {
+            *to += own;
+        }
+        std::mem::swap(&mut self.total, &mut self.next);
+        self.steps.transitions.extend_from_slice(transition);
+        self.steps.reactions.extend_from_slice(reaction);
+    }
+
+    /// The state in the middle of a step, and the forces there.
+    fn middle(
+        &mut self,
+        hybrid: &Hybrid,
+        (theta, inputs, step): (&[f64], &DrivenInputs, usize),
+        middle: &[f64],
+        memory: &mut Memory,
+    ) {
+        let (force, rates) = hybrid.forces(hybrid.parts(middle), theta, inputs, step, memory);
+        self.steps.forces.extend_from_slice(force);
+        self.steps.forces.extend_from_slice(rates);
+        self.steps.middles.extend_from_slice(middle);
+    }
+
+    /// A sample at x.
+    fn sample(&mut self, x: &[f64]) {
+        self.out.states.extend_from_slice(x);
+        self.out.sensitivities.extend_from_slice(&self.total);
     }
 }
 
@@ -87,52 +139,36 @@ pub(crate) fn roll_steps(
     (hybrid, theta, free): (&Hybrid, &[f64], &[usize]),
     members: &[Member<'_>],
 ) -> Vec<Option<(Trajectory, Variation)>> {
-    let alike = |member: &Member| (member.span.1, member.inputs.grid.substeps);
-    let most = if hybrid.is_stiff() { LANES } else { 1 };
-    let groups: Vec<&[Member]> = members
-        .chunk_by(|a, b| alike(a) == alike(b))
-        .flat_map(|alike| alike.chunks(most))
-        .collect();
-    let of_group = |members: &[Member]| -> Vec<Option<(Trajectory, Variation)>> {
+    if !hybrid.is_stiff() {
         let one = |member: &Member| {
-            let (mut out, mut steps) = (Trajectory::default(), Variation::default());
-            let Member {
-                inputs,
-                span,
-                initial,
-            } = *member;
-            Roller::new(hybrid, free)
-                .roll_step_by_step(theta, inputs, span, initial, &mut out, &mut steps)
-                .ok()?;
-            Some((out, steps))
+            let mut roller = Roller::new(hybrid, free);
+            roller.roll_step_by_step(theta, member).ok()
         };
-        let eight = || EightRoller::new(hybrid, free).roll_step_by_step(theta, members);
-        match hybrid.is_stiff() {
-            false => members.iter().map(one).collect(),
-            true => match eight() {
-                Ok(rolled) => rolled.into_iter().map(Some).collect(),
-                Err(_) => {
-                    let alone = |member: &Member| {
-                        let rolled = EightRoller::new(hybrid, free)
-                            .roll_step_by_step(theta, std::slice::from_ref(member));
-                        rolled.ok()?.pop()
-                    };
-                    members.iter().map(alone).collect()
-                }
-            },
+        return members.par_iter().map(one).collect();
+    }
+    let together = |members: &[Member]| {
+        let mut roller = EightRoller::new(hybrid, free);
+        roller.roll_step_by_step(theta, members).ok()
+    };
+    let alone = |member: &Member| together(std::slice::from_ref(member))?.pop();
+    let of_group = |members: &[Member]| -> Vec<Option<(Trajectory, Variation)>> {
+        match together(members) {
+            Some(rolled) => rolled.into_iter().map(Some).collect(),
+            None => members.iter().map(alone).collect(),
         }
     };
-    groups.into_par_iter().flat_map_iter(of_group).collect()
+    let groups = alike(members, LANES).into_par_iter();
+    groups.flat_map_iter(of_group).collect()
 }
 
 impl EightRoller<'_> {
-    /// Steps up to eight windows of a stiff model; after each step `keep` sees of every window whether it ends at a sample, x before the step, and
-    /// (x, S) after it: S from a unit at its beginning, in the state, θ_free and the forces (Q, ḣ) along the step.
+    /// Steps up to eight windows of a stiff model; after each step `keep` sees of every window the step on its grid and whether it ends at a sample,
+    /// x before the step, and (x, S) after it: S from a unit at its beginning, in the state, θ_free and the forces (Q, ḣ) along the step.
     fn each_step(
         &mut self,
         theta: &[f64],
         members: &[Member<'_>],
-        mut keep: impl FnMut(usize, bool, (&[f64], &[f64])),
+        mut keep: impl FnMut((usize, usize, bool), (&[f64], &[f64])),
     ) -> Result<(), Diverged> {
         let Some(last) = members.last() else {
             return Ok(());
@@ -171,7 +207,8 @@ impl EightRoller<'_> {
                     for (to, from) in after.iter_mut().zip(&self.base) {
                         *to = from[lane];
                     }
-                    keep(lane, step + 1 == substeps, (&before, &after));
+                    let place = (lane, steps[lane], step + 1 == substeps);
+                    keep(place, (&before, &after));
                 }
             }
             Diverged::check(self.base.as_flattened())?;
@@ -186,79 +223,26 @@ impl EightRoller<'_> {
         members: &[Member<'_>],
     ) -> Result<Vec<(Trajectory, Variation)>, Diverged> {
         let hybrid = self.hybrid;
-        let (nv, nx) = (hybrid.nv(), hybrid.nx());
-        let columns = nx + self.free.len();
+        let columns = hybrid.nx() + self.free.len();
+        let kept = |member: &Member| Kept::new(hybrid, member, columns);
+        let mut kept: Vec<Kept> = members.iter().map(kept).collect();
         let mut memory = hybrid.memory(&[]);
-        let mut rolled = Vec::with_capacity(members.len());
-        for member in members {
-            let mut out = Trajectory::default();
-            let mut unit = vec![0.0; nx * columns];
-            (0..nx).for_each(|i| unit[i * nx + i] = 1.0);
-            out.states.extend_from_slice(member.initial);
-            out.sensitivities.extend_from_slice(&unit);
-            let steps = Variation {
-                nx,
-                nv,
-                first: member.span.0 * member.inputs.grid.substeps,
-                ..Variation::default()
-            };
-            rolled.push((out, steps, unit));
-        }
-        let mut next = vec![0.0; nx * columns];
-        let mut middle = vec![0.0; nx];
-        self.each_step(theta, members, |lane, ends, (before, after)| {
-            let (out, steps, total) = &mut rolled[lane];
-            let (x, own) = after.split_at(nx);
+        let mut middle = vec![0.0; hybrid.nx()];
+        self.each_step(theta, members, |(lane, step, ends), (before, after)| {
+            let (x, own) = after.split_at(middle.len());
             for ((m, x), before) in middle.iter_mut().zip(x).zip(before) {
                 *m = 0.5 * (x + before);
             }
-            // S_{i+1} = F S_i + ∂x_{i+1}/∂θ at fixed x_i.
-            let (transition, by_theta) = own.split_at(nx * nx);
-            let (by_theta, reaction) = by_theta.split_at(nx * (columns - nx));
-            multiply(transition, total, &mut next);
-            for (to, own) in next[nx * nx..].iter_mut().zip(by_theta) {
-                *to += own;
-            }
-            std::mem::swap(total, &mut next);
-            steps.transitions.extend_from_slice(transition);
-            steps.reactions.extend_from_slice(reaction);
-            let inputs = members[lane].inputs;
-            let step = steps.first + steps.middles.len() / nx;
-            let state = hybrid.parts(&middle);
-            let (force, rates) = hybrid.forces(state, theta, inputs, step, &mut memory);
-            steps.forces.extend_from_slice(force);
-            steps.forces.extend_from_slice(rates);
-            steps.middles.extend_from_slice(&middle);
+            kept[lane].step(own);
+            let at = (theta, members[lane].inputs, step);
+            kept[lane].middle(hybrid, at, &middle, &mut memory);
             if ends {
-                out.states.extend_from_slice(x);
-                out.sensitivities.extend_from_slice(total);
+                kept[lane].sample(x);
             }
         })?;
-        Ok(rolled
+        Ok(kept
             .into_iter()
-            .map(|(out, steps, _)| (out, steps))
+            .map(|kept| (kept.out, kept.steps))
             .collect())
-    }
-}
-
-impl Variation {
-    /// Forces and M⁻¹ in the middle of a step.
-    fn keep_middle(
-        &mut self,
-        hybrid: &Hybrid,
-        (theta, inputs, step): (&[f64], &DrivenInputs, usize),
-        middle: &[f64],
-        memory: &mut Memory,
-    ) -> Result<(), Diverged> {
-        let state = hybrid.parts(middle);
-        let (force, rates) = hybrid.forces(state, theta, inputs, step, memory);
-        self.forces.extend_from_slice(force);
-        self.forces.extend_from_slice(rates);
-        hybrid
-            .linearize(state, theta, &[], inputs, step, memory)
-            .map_err(Diverged::Dynamics)?;
-        self.responses.extend_from_slice(memory.response());
-        self.middles.extend_from_slice(middle);
-        Ok(())
     }
 }

@@ -268,6 +268,14 @@ mod tests {
     const START: [f64; 4] = [0.1, 2.5, -0.2, 1.5];
     const SPAN: (usize, usize) = (0, 31);
 
+    fn from_start(inputs: &DrivenInputs) -> Member<'_> {
+        Member {
+            inputs,
+            span: SPAN,
+            initial: &START,
+        }
+    }
+
     fn distance(a: &[f64], b: &[f64]) -> f64 {
         let squares = a.iter().zip(b).map(|(a, b)| (a - b).powi(2));
         squares.sum::<f64>().sqrt()
@@ -286,13 +294,12 @@ mod tests {
         let (theta, free) = (hybrid.theta(), hybrid.free());
         let inputs = pushes(&hybrid, &theta, 4);
         let mut roller = Roller::new(&hybrid, &free);
-        let (mut exact, mut found) = (Trajectory::default(), Trajectory::default());
+        let mut exact = Trajectory::default();
         roller
             .roll_with_sensitivities(&theta, &inputs, SPAN, &START, &mut exact)
             .unwrap();
-        let mut steps = Variation::default();
-        roller
-            .roll_step_by_step(&theta, &inputs, SPAN, &START, &mut found, &mut steps)
+        let (found, _) = roller
+            .roll_step_by_step(&theta, &from_start(&inputs))
             .unwrap();
         assert_eq!(exact.states, found.states);
         let (exact, found) = (exact.sensitivities, found.sensitivities);
@@ -321,9 +328,8 @@ mod tests {
             falls_as_a_square(|substeps| {
                 let theta = hybrid.theta();
                 let inputs = pushes(&hybrid, &theta, substeps);
-                let (mut null, mut steps) = (Trajectory::default(), Variation::default());
-                Roller::new(&hybrid, &[])
-                    .roll_step_by_step(&theta, &inputs, SPAN, &START, &mut null, &mut steps)
+                let (null, steps) = Roller::new(&hybrid, &[])
+                    .roll_step_by_step(&theta, &from_start(&inputs))
                     .unwrap();
                 let theta = with.theta();
                 let inputs = pushes(&with, &theta, substeps);
@@ -351,7 +357,7 @@ mod tests {
         }
     }
 
-    /// The same of a stiff model, one whose pole sticks.
+    /// The same of a stiff model, one whose pole sticks, and whose motor drives the cart by a spring.
     #[test]
     fn a_small_force_moves_what_sticks_as_its_own_roll_out_says() {
         let mut hybrid = pendulum_on_a_cart();
@@ -361,9 +367,15 @@ mod tests {
             smoothing: 1e-3,
         };
         hybrid.add(stuck, &[0.05], false);
+        let elastic = Placed {
+            kind: registry::find("elastic_transmission").unwrap(),
+            target: 0,
+            ..stuck
+        };
+        hybrid.add(elastic, &[75.0, 0.3, 0.035], false);
         let hybrid = hybrid.stepped_implicitly(true);
         let (theta, free) = (hybrid.theta(), hybrid.free());
-        let start = [0.1, 3.0, -0.2, 0.4];
+        let start = [0.1, 3.0, -0.2, 0.4, 0.0, 0.0];
         let inputs = pushes(&hybrid, &theta, 8);
         let member = Member {
             inputs: &inputs,
@@ -421,9 +433,8 @@ mod tests {
         let hybrid = pendulum_on_a_cart();
         let theta = hybrid.theta();
         let inputs = pushes(&hybrid, &theta, 4);
-        let (mut null, mut steps) = (Trajectory::default(), Variation::default());
-        Roller::new(&hybrid, &[])
-            .roll_step_by_step(&theta, &inputs, SPAN, &START, &mut null, &mut steps)
+        let (null, steps) = Roller::new(&hybrid, &[])
+            .roll_step_by_step(&theta, &from_start(&inputs))
             .unwrap();
         for target in [0, 1] {
             let mut with = hybrid.clone();

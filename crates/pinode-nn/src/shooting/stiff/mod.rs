@@ -20,7 +20,7 @@ const SOLVED: f64 = 1e-7;
 const NEXT_TO_NOTHING: f64 = 1e-12;
 const MOST_ITERATIONS: usize = 20;
 /// A step that is not solved is made of two halves, and those again, so many times.
-const HALVINGS: usize = 6;
+pub(super) const HALVINGS: usize = 6;
 /// A stage that takes more iterations than this is linearised anew.
 const STALE: usize = 4;
 
@@ -52,8 +52,15 @@ pub(super) struct Stiff {
     linear: Vec<Lane>,
     response: Vec<Lane>,
     slopes: Vec<Lane>,
-    /// Slopes at the iterate.
-    present: Vec<Lane>,
+}
+
+/// What a step is taken on: the model at θ, the steps of the grids, the processor.
+#[derive(Clone, Copy)]
+pub(super) struct On<'a> {
+    pub hybrid: &'a Hybrid,
+    pub theta: &'a [f64],
+    pub at: &'a Eight<'a>,
+    pub arch: Arch,
 }
 
 impl Stiff {
@@ -63,38 +70,23 @@ impl Stiff {
         self.added.clear();
     }
 
-    /// One step of length `h` of the columns (x, S) in `base`, of two halves where friction that falls with the speed leaves it no solution, or
-    /// several: x alone, or with S = ∂x/∂(x₀, θ_free) and, where there are more,
-    /// the derivatives in (Q, ḣ), held along the step.
+    /// One step of length `h` of the columns (x, S) in `base`: x alone, or with S = ∂x/∂(x₀, θ_free) and, where there are more, the derivatives in
+    /// (Q, ḣ), held along the step. Where friction that falls with the speed leaves it no solution, or several, it is made of two halves, and these
+    /// again, at most `halvings` times.
     pub fn step(
         &mut self,
-        model: (&Hybrid, &[f64]),
-        at: &Eight<'_>,
+        on: On<'_>,
         h: Lane,
         memory: &mut EightMemory,
-        arch: Arch,
-        base: &mut [Lane],
-    ) -> Result<(), Diverged> {
-        self.step_or_halves(model, at, h, memory, arch, base, HALVINGS)
-    }
-
-    #[allow(clippy::too_many_arguments)]
-    fn step_or_halves(
-        &mut self,
-        model: (&Hybrid, &[f64]),
-        at: &Eight<'_>,
-        h: Lane,
-        memory: &mut EightMemory,
-        arch: Arch,
         base: &mut [Lane],
         halvings: usize,
     ) -> Result<(), Diverged> {
-        match self.whole(model, at, h, memory, arch, base) {
+        match self.whole(on, h, memory, base) {
             Err(Diverged::NoConvergence { .. }) if halvings > 0 => {
                 let half = h.map(|h| 0.5 * h);
                 for _ in 0..2 {
                     self.forget();
-                    self.step_or_halves(model, at, half, memory, arch, base, halvings - 1)?;
+                    self.step(on, half, memory, base, halvings - 1)?;
                 }
                 Ok(())
             }
@@ -105,44 +97,41 @@ impl Stiff {
     /// One step; `base` is left as it was where it fails.
     fn whole(
         &mut self,
-        (hybrid, theta): (&Hybrid, &[f64]),
-        at: &Eight<'_>,
+        on: On<'_>,
         h: Lane,
         memory: &mut EightMemory,
-        arch: Arch,
         base: &mut [Lane],
     ) -> Result<(), Diverged> {
-        let nx = hybrid.nx();
+        let nx = on.hybrid.nx();
         let g = h.map(|h| GAMMA * h);
         self.from.clear();
         self.from.extend_from_slice(base);
         self.to.resize(base.len(), [0.0; LANES]);
         self.point.clear();
         self.point.extend_from_slice(&base[..nx]);
-        self.stage((hybrid, theta), at, g, memory, arch)?;
+        self.stage(on, g, memory)?;
         for ((from, to), base) in self.from.iter_mut().zip(&self.to).zip(&*base) {
             for ((from, to), base) in from.iter_mut().zip(to).zip(base) {
                 *from = base + FURTHER * (to - base);
             }
         }
-        self.stage((hybrid, theta), at, g, memory, arch)?;
+        self.stage(on, g, memory)?;
         base.copy_from_slice(&self.to);
         Ok(())
     }
 
     /// From `from` to `to`; the iteration starts at y of `point`.
-    fn stage(
-        &mut self,
-        (hybrid, theta): (&Hybrid, &[f64]),
-        at: &Eight<'_>,
-        g: Lane,
-        memory: &mut EightMemory,
-        arch: Arch,
-    ) -> Result<(), Diverged> {
+    fn stage(&mut self, on: On<'_>, g: Lane, memory: &mut EightMemory) -> Result<(), Diverged> {
+        let On {
+            hybrid,
+            theta,
+            at,
+            arch,
+        } = on;
         let (n, nx) = (hybrid.nv(), hybrid.nx());
         let sizes = (n, nx);
         if !self.known {
-            self.linearize((hybrid, theta), at, memory)?;
+            self.linearize(on, memory)?;
         }
         // The last stage goes on.
         self.added.resize(nx - n, [0.0; LANES]);
@@ -152,15 +141,14 @@ impl Stiff {
                 *y = from[lane] + added[lane];
             }
         }
-        self.present.resize(n, [0.0; LANES]);
         let mut iterations = 0;
         loop {
             self.place(n, g);
             if iterations > 0 && iterations % STALE == 0 {
-                self.linearize((hybrid, theta), at, memory)?;
+                self.linearize(on, memory)?;
             }
             hybrid
-                .accelerate_eight(&self.point, theta, at, memory, Some(&mut self.present))
+                .accelerate_eight(&self.point, theta, at, memory, true)
                 .map_err(Diverged::Dynamics)?;
             self.change.clear();
             self.change.extend_from_slice(&memory.rates);
@@ -173,7 +161,7 @@ impl Stiff {
                 y: &self.point[n..nx],
                 linear: &self.linear,
                 response: &self.response,
-                slopes: (&self.slopes, &self.present),
+                slopes: (&self.slopes, &memory.slopes),
                 matrix: &mut self.matrix,
                 change: &mut self.change,
             });
@@ -191,7 +179,7 @@ impl Stiff {
         }
         self.place(n, g);
         if self.from.len() > nx {
-            self.linearize((hybrid, theta), at, memory)?;
+            self.linearize(on, memory)?;
             arch.dispatch(Columns {
                 sizes,
                 g,
@@ -221,12 +209,10 @@ impl Stiff {
         }
     }
 
-    fn linearize(
-        &mut self,
-        (hybrid, theta): (&Hybrid, &[f64]),
-        at: &Eight<'_>,
-        memory: &mut EightMemory,
-    ) -> Result<(), Diverged> {
+    fn linearize(&mut self, on: On<'_>, memory: &mut EightMemory) -> Result<(), Diverged> {
+        let On {
+            hybrid, theta, at, ..
+        } = on;
         hybrid
             .linearize_eight(&self.point, theta, at, memory)
             .map_err(Diverged::Dynamics)?;
@@ -236,8 +222,8 @@ impl Stiff {
             .extend_from_slice(&memory.linear[..nx * (nx - n)]);
         self.response.clear();
         self.response.extend_from_slice(memory.response());
-        self.slopes.resize(n, [0.0; LANES]);
-        hybrid.slopes_of_eight(&self.point, theta, &mut self.slopes);
+        self.slopes.clear();
+        self.slopes.extend_from_slice(&memory.slopes);
         self.known = true;
         Ok(())
     }
