@@ -3,7 +3,9 @@
 use super::candidate::Candidate;
 use super::confidence::DRAWS;
 use super::experiment::CLOSE;
-use super::refine::{Contender, FIRST_LOOK, contender, is_imitated, polish, rank, refine_one};
+use super::refine::{
+    Contender, FIRST_LOOK, contender, is_imitated, is_sensible, polish, rank, refine_one,
+};
 use super::remainder::Remainder;
 use super::screen::screen;
 use super::step::{LEAST_T2, Report, Step, is_second_choice, lookalikes, simpler};
@@ -80,7 +82,7 @@ pub fn stripped(null: &Fitted, current: &Fitted, index: usize) -> (Hybrid, Vec<f
     (hybrid, theta)
 }
 
-/// Drops what later effects have made superfluous.
+/// Drops what later effects have made superfluous, and what a fit beside them has taken to parameters that make it something else.
 pub fn prune(
     study: &Study,
     null: &Fitted,
@@ -90,20 +92,25 @@ pub fn prune(
 ) {
     added.retain(|candidate| position(current, candidate).is_some());
     let mut k = 0;
-    while added.len() > 1 && k < added.len() {
+    while k < added.len() {
         let Some(index) = position(current, &added[k]) else {
             break;
         };
+        let is_itself = is_sensible(study, &added[k], current);
+        // What is alone was accepted as it is.
+        if is_itself && added.len() == 1 {
+            break;
+        }
         let reduced = without(study, null, current, index);
         let needed = Comparison::of(current, &reduced);
         let explains = needed.inside.z > 3.0 && needed.outside.z > 1.5 && needed.inside_gain > 0.01;
-        if !explains && !needed.relieves() {
+        if is_itself && (explains || needed.relieves()) {
+            k += 1;
+        } else {
             report(&format!("dropped: {}", added[k].kind.name));
             *current = reduced;
             added.remove(k);
             k = 0;
-        } else {
-            k += 1;
         }
     }
 }
@@ -137,13 +144,19 @@ pub fn revisit(
             rank(&mut rivals, seed);
             let own = rivals.iter().position(|r| r.added[0] == added[k]);
             let simple = own.and_then(|own| simpler(&rivals, own));
-            if let Some(simple) = simple.filter(|&simple| rivals[simple].is_acceptable()) {
+            // What takes its place leaves the others what they are called.
+            let others_stay = |rival: &Contender| {
+                let mut others = added.iter().enumerate().filter(|(other, _)| *other != k);
+                others.all(|(_, other)| is_sensible(study, other, &rival.fitted))
+            };
+            let may_replace = |rival: &Contender| rival.is_acceptable() && others_stay(rival);
+            if let Some(simple) = simple.filter(|&simple| may_replace(&rivals[simple])) {
                 added[k] = rivals[simple].added[0];
                 *current = rivals[simple].fitted.clone();
             } else if let Some(best) = rivals.first()
                 && best.added[0] != added[k]
                 && best.wins > 0.9
-                && best.is_acceptable()
+                && may_replace(best)
                 && Comparison::of(&best.fitted, current).inside.z > 2.0
             {
                 report(&format!(
@@ -332,4 +345,32 @@ fn twins_of(study: &Study, candidate: &Candidate, model: &Fitted) -> Vec<Candida
         })
         .filter(is_twin)
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::super::pushes::tests::prepared;
+    use super::super::setup::Prepared;
+    use super::*;
+    use crate::effect::registry;
+
+    /// Later fits may take friction to a force beyond reach at next to no stiffness: that is a force of each window's own, and no friction.
+    #[test]
+    fn friction_that_never_slips_is_dropped() {
+        let (_dir, Prepared { study, null, .. }) = prepared(0.3);
+        let dahl = Candidate {
+            kind: registry::find("dahl_friction").unwrap(),
+            target: 0,
+        };
+        for (values, stays) in [([1e3, 0.5], true), ([1e-2, 1e9], false)] {
+            let (hybrid, theta) = dahl.place(&null.hybrid, &null.inside.theta, &values);
+            let mut current = study.fit(hybrid, null.start(theta), 0, 0);
+            let mut added = vec![dahl];
+            prune(&study, &null, &mut current, &mut added, &|_| {});
+            assert_eq!(added.len(), usize::from(stays), "{values:?}");
+            assert_eq!(current.hybrid.effects().len(), usize::from(stays));
+        }
+    }
 }

@@ -155,7 +155,7 @@ pub fn stripped(fitted: &Fitted) -> Fitted {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     #![allow(clippy::unwrap_used)]
 
     use std::fmt::Write as _;
@@ -177,7 +177,7 @@ mod tests {
     const PUSH: f64 = 0.6;
 
     /// A sledge without friction: x(t) under a known force and pushes of this deviation, each held as long as a window, both exact.
-    fn prepared(deviation: f64) -> (tempfile::TempDir, Prepared) {
+    pub fn prepared(deviation: f64) -> (tempfile::TempDir, Prepared) {
         let mut rng = ChaCha8Rng::seed_from_u64(5);
         let mut normal = || -> f64 { rng.sample(StandardNormal) };
         let (mut x, mut v, mut push) = (0.0, 0.0, 0.0);

@@ -172,7 +172,7 @@ pub fn contender(
 }
 
 /// Whether a fitted effect is what it is called.
-fn is_sensible(study: &Study, candidate: &Candidate, fitted: &Fitted) -> bool {
+pub fn is_sensible(study: &Study, candidate: &Candidate, fitted: &Fitted) -> bool {
     let scales = candidate.scales(&fitted.hybrid, &study.scales);
     let effect = position(fitted, candidate).map(|index| fitted.hybrid.range(index));
     effect.is_some_and(|range| {
