@@ -8,11 +8,11 @@ use super::refine::{Contender, rank};
 use super::remainder::Remainder;
 use super::screen;
 use super::step::{LEAST_T2, Report, Step, Turn, accept, is_second_choice, one_step, refine_dear};
-use super::study::{Comparison, Fitted, Study};
+use super::study::{Comparison, Fitted, RELIEF, Study};
 use crate::shooting::Fit;
 
 /// At most so many effects are named.
-const MOST_EFFECTS: usize = 4;
+const MOST_EFFECTS: usize = 6;
 /// Iterations of the initial states when pushes are taken away.
 const STATES_ALONE: usize = 5;
 
@@ -263,11 +263,13 @@ impl Path {
         prune(study, null, &mut self.current, &mut self.added, report);
     }
 
-    /// Whether this model explains the windows better, or as well with fewer constants.
+    /// Whether this model explains the windows better, or as well with fewer constants or with those given less stretched.
     fn beats(&self, other: &Path) -> bool {
         let comparison = Comparison::of(&self.current, &other.current);
         let (z_in, z_out) = (comparison.inside.z, comparison.outside.z);
         let simpler = self.current.inside.free.len() < other.current.inside.free.len();
-        (z_in > 2.0 && z_out > -2.0) || (simpler && z_in > -2.0 && z_out > 0.0)
+        let better = z_in > 2.0 && z_out > -2.0 && comparison.total() > 0.0;
+        let as_well = z_in > -2.0 && z_out > 0.0 && comparison.relief > -RELIEF;
+        better || comparison.relieves() || (simpler && as_well)
     }
 }

@@ -150,6 +150,8 @@ pub const RELIEF: f64 = 8.0;
 
 /// A loss of less than this, nats a sample, does not count against a relief: a tenth of the least gain held out that counts for an effect.
 const HARMLESS: f64 = 2.5e-3;
+/// Nor does this share of what it relieves: a fit that is freed of large tolerances gives up a little for them.
+const SMALL_PART: f64 = 0.25;
 
 impl Comparison {
     /// Of `new` over `old`.
@@ -190,8 +192,14 @@ impl Comparison {
 
     /// Whether the old model explains the windows as well only by stretching what is known of masses and gains beyond belief.
     pub fn relieves(&self) -> bool {
+        let relief_of = |of: Paired| {
+            let share = of.windows as f64 / self.inside.windows.max(1) as f64;
+            self.relief * share
+        };
         // Where both models do the same, a loss of next to nothing may be a steady one.
-        let harmless = |of: Paired, per_sample: f64| of.z > -2.0 || per_sample > -HARMLESS;
+        let harmless = |of: Paired, per_sample: f64| {
+            of.z > -2.0 || per_sample > -HARMLESS || of.gain > -SMALL_PART * relief_of(of)
+        };
         self.relief > RELIEF
             && harmless(self.inside, self.inside_gain)
             && harmless(self.outside, self.outside_gain)
