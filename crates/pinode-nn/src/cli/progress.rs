@@ -55,52 +55,103 @@ impl Drop for Progress {
     }
 }
 
-/// A step of the search refines so many candidates.
+/// A step of the search refines so many candidates, if all goes well.
 const REFINED: usize = 5;
+/// A step that goes on for longer than steps have so far will for this share of that again.
+const LONGER: f64 = 0.5;
+/// A search that finds several effects is made from so many other beginnings.
+const RIVALS: usize = 2;
 
 /// How long the stages of this run took, and what that says of those to come.
 ///
 /// Nobody knows how many effects there are: what is left is reckoned as if the step under way were to find nothing more. Each step that
-/// does find something adds one of the same cost.
+/// does find something adds one of the same cost; two effects add the search from other beginnings.
 struct StageClock {
+    /// When the stage, the step and the search from this beginning began.
     began: Instant,
+    step_began: Instant,
+    path_began: Instant,
     /// The stage under way is the refinement of a candidate.
     refining: bool,
-    refined: usize,
-    time_refining: Duration,
-    /// Steps of the search begun.
-    steps: usize,
+    refined: Mean,
+    /// The steps that found something.
+    steps: Mean,
+    /// … of the search from this beginning.
+    found: usize,
+    /// How long the search from the first beginning took, and the number of those that followed.
+    first_path: Option<f64>,
+    rivals: usize,
+}
+
+/// A number of durations and their sum, s.
+#[derive(Clone, Copy, Default)]
+struct Mean {
+    count: usize,
+    sum: f64,
+}
+
+impl Mean {
+    fn add(&mut self, took: Duration) {
+        self.count += 1;
+        self.sum += took.as_secs_f64();
+    }
+
+    fn get(&self) -> Option<f64> {
+        (self.count > 0).then(|| self.sum / self.count as f64)
+    }
 }
 
 impl StageClock {
     fn new() -> Self {
+        let now = Instant::now();
         StageClock {
-            began: Instant::now(),
+            began: now,
+            step_began: now,
+            path_began: now,
             refining: false,
-            refined: 0,
-            time_refining: Duration::ZERO,
-            steps: 1,
+            refined: Mean::default(),
+            steps: Mean::default(),
+            found: 0,
+            first_path: None,
+            rivals: 0,
         }
     }
 
     /// A stage begins; the time that is probably left, once a candidate has been refined in this run.
     fn left(&mut self, stage: &str, now: Instant) -> Option<Duration> {
-        let took = now.saturating_duration_since(self.began);
+        let since = |then: Instant| now.saturating_duration_since(then);
         if self.refining {
-            self.refined += 1;
-            self.time_refining += took;
+            self.refined.add(since(self.began));
         }
         self.began = now;
         self.refining = stage.starts_with("refining");
-        self.steps += usize::from(stage.starts_with("accepted"));
-        if self.refined == 0 || !self.refining {
-            return None;
+        if stage.starts_with("accepted") {
+            self.steps.add(since(self.step_began));
+            self.found += 1;
+            self.step_began = now;
+        } else if stage.starts_with("locating") {
+            (self.step_began, self.path_began) = (now, now);
+        } else if stage.starts_with("following") {
+            self.first_path
+                .get_or_insert(since(self.path_began).as_secs_f64());
+            self.rivals += 1;
+            self.found = 0;
+            (self.step_began, self.path_began) = (now, now);
         }
-        let each = self.time_refining.as_secs_f64() / self.refined as f64;
-        // The refinement that begins counts; steps that refine more than usual have at least it to go.
-        let to_come = (REFINED * self.steps).saturating_sub(self.refined).max(1);
+        let each = self.refined.get().filter(|_| self.refining)?;
+        let typical = self.steps.get().unwrap_or(each * REFINED as f64);
+        let in_step = since(self.step_began).as_secs_f64();
+        let step = (typical - in_step).max(LONGER * in_step).max(each);
+        let in_path = since(self.path_began).as_secs_f64();
+        let searches = match self.first_path {
+            Some(first) => {
+                step.max(first - in_path) + (RIVALS.saturating_sub(self.rivals)) as f64 * first
+            }
+            None if self.found > 1 => step + RIVALS as f64 * (in_path + step),
+            None => step,
+        };
         // Free runs of the old and the new model at the end cost about one refinement.
-        Some(Duration::from_secs_f64(each * (to_come + 1) as f64))
+        Some(Duration::from_secs_f64(searches + each))
     }
 }
 
@@ -117,32 +168,48 @@ fn rounded(left: Duration) -> String {
 mod tests {
     use super::*;
 
-    #[test]
-    fn what_is_left_follows_from_what_a_refinement_took() {
+    /// What is said at each stage of a run, s.
+    fn said(stages: &[(f64, &str)]) -> Vec<Option<f64>> {
         let mut clock = StageClock::new();
         let start = clock.began;
         let mut at = |s: f64, stage: &str| clock.left(stage, start + Duration::from_secs_f64(s));
-        assert_eq!(at(0.0, "fitting the model as given"), None);
-        assert_eq!(
-            at(4.0, "refining viscous_friction"),
-            None,
-            "none is timed yet"
-        );
-        let left = at(7.0, "refining coulomb_friction");
-        assert_eq!(
-            left,
-            Some(Duration::from_secs(15)),
-            "four more, and the end"
-        );
-        assert_eq!(
-            at(10.0, "accepted: coulomb_friction (z 9.0, held out 5.0)"),
-            None
-        );
-        // Two of ten are done.
-        assert_eq!(
-            at(12.0, "refining quadratic_drag"),
-            Some(Duration::from_secs(27))
-        );
+        let left = |&(s, stage): &(f64, &str)| at(s, stage).map(|left| left.as_secs_f64());
+        stages.iter().map(left).collect()
+    }
+
+    #[test]
+    fn what_is_left_follows_from_what_a_refinement_took() {
+        let left = said(&[
+            (0.0, "fitting the model as given"),
+            (4.0, "locating the disagreement"),
+            (4.0, "refining viscous_friction"),
+            (7.0, "refining coulomb_friction"),
+            (10.0, "accepted: coulomb_friction (z 9.0, held out 5.0)"),
+            (10.0, "refining quadratic_drag"),
+        ]);
+        // None is timed yet; four more of five, and the end; a step as long as the first, and the end.
+        assert_eq!(left, [None, None, None, Some(15.0), None, Some(9.0)]);
+    }
+
+    #[test]
+    fn a_step_that_goes_on_and_on_is_not_about_to_end() {
+        let names = (0..21).map(|k| (f64::from(k), "refining one more"));
+        let left = said(&names.collect::<Vec<_>>());
+        assert_eq!(left[20], Some(11.0), "half of 20 s, and the end");
+    }
+
+    #[test]
+    fn several_effects_are_looked_for_from_other_beginnings_too() {
+        let step = |from: f64| [(from, "refining drag"), (from + 10.0, "accepted: drag")];
+        let mut stages = [step(0.0), step(10.0)].concat();
+        stages.extend([
+            (20.0, "refining play"),
+            (30.0, "following stops instead"),
+            (30.0, "refining lag"),
+        ]);
+        let left = said(&stages);
+        assert_eq!(left[4], Some(10.0 + 2.0 * 30.0 + 10.0));
+        assert_eq!(left[6], Some(30.0 + 30.0 + 10.0));
     }
 
     #[test]
