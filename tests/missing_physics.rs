@@ -206,6 +206,32 @@ fn play_of_the_drive_is_found() {
     }
 }
 
+/// Friction that changes its sign over 3 mm/s is too small where it is largest: fits made a hump of 35 mm/s an eighth narrower and a sixth higher.
+#[test]
+fn static_friction_is_as_large_as_it_is() {
+    let (static_force, stribeck_velocity) = (0.444, 0.041);
+    let hidden = Hidden::StribeckFriction {
+        target: Target::Slider,
+        coulomb_force: 0.2153,
+        static_force,
+        stribeck_velocity,
+    };
+    let diagnosis = diagnosed(&hidden, 93023, 60.0);
+    let [named] = &diagnosis.effects[..] else {
+        panic!("{:?}", diagnosis.effects)
+    };
+    assert_eq!(named.kind, "stribeck_friction", "{named:?}");
+    for (name, truth, within) in [
+        ("static_force", static_force, 0.1),
+        ("stribeck_velocity", stribeck_velocity, 0.12),
+    ] {
+        let value = named.parameters[name].value;
+        assert!((value / truth - 1.0).abs() < within, "{name}: {value}");
+    }
+    let sticking = diagnosis.numerics.set_valued.unwrap().coordinates;
+    assert!(sticking.iter().all(|c| c.rms < 1.0), "{sticking:?}");
+}
+
 /// The rig pushes the cart about. Hysteresis that may start each window anywhere takes these pushes for its own.
 #[test]
 fn pushes_that_nobody_measured_are_no_hysteresis() {

@@ -176,7 +176,16 @@ pub(crate) fn diagnose_into(
         residuals,
         ..
     } = cleaned;
-    let study = &prepared.study;
+    let splits = experiment::splits(&prepared.study, &search, &names, report);
+    let mut study = prepared.study.clone();
+    // Who says how sharp friction is, is taken at his word.
+    if model.effects.iter().all(|e| e.smoothing.is_none()) {
+        report("asking whether friction that sticks would do the same");
+        if let Some((finer, sharp)) = numerics::sharpened(&study, &search.model) {
+            (study, search.model) = (finer, sharp);
+        }
+    }
+    let study = &study;
 
     report("writing the new model and running it free over unseen data");
     let provenance = Provenance {
@@ -195,7 +204,7 @@ pub(crate) fn diagnose_into(
         seed,
         windows: [study.windows.fit.len(), study.windows.held_out.len()],
         window_s: prepared.window,
-        substeps: study.substeps,
+        substeps: study.substeps * study.finer,
     };
     let first_guess = |run: usize, k: usize| prepared.smoothed[run].state(k);
     let lead = LEAD_S.min(0.5 * prepared.window);
@@ -278,7 +287,6 @@ pub(crate) fn diagnose_into(
             unexplained::describe(study, &search.model, (force, c), left, &names)
         })
         .flatten();
-    let splits = experiment::splits(study, &search, &names, report);
     let effects = write_up::effects(&search, &splits, &names);
     let numerics = Numerics {
         set_valued: numerics::set_valued(study, &search.model),

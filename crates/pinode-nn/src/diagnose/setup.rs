@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::Means;
 use super::audit::{Masked, excitation, median};
+use super::numerics::{STEP_ERROR, step_error};
 use super::smooth::{Smoothed, smooth};
 use super::study::{Fitted, MOST_SUBSTEPS, Start, Study};
 use super::verdict::Excitation;
@@ -11,7 +12,7 @@ use crate::Error;
 use crate::effect::{Between, Scales};
 use crate::hybrid::Hybrid;
 use crate::model::{Input, Model};
-use crate::shooting::{Member, Observations, Window, Windows, roll_all};
+use crate::shooting::{Observations, Window, Windows};
 
 /// Length of a window, s, unless the motion is fast: then five of its periods.
 pub const WINDOW_S: f64 = 0.6;
@@ -25,8 +26,6 @@ const COARSEST_STEP: f64 = 5e-3;
 const STIFF_STEP: f64 = 2.5e-3;
 /// Samples of a period of the motion that are kept, at least.
 const SAMPLES_PER_PERIOD: f64 = 24.0;
-/// The integration step is halved until that moves the roll-outs by less than this part of the noise.
-const STEP_ERROR: f64 = 0.3;
 
 /// All that the search needs.
 pub struct Prepared {
@@ -259,63 +258,4 @@ fn scales(hybrid: &Hybrid, smoothed: &[Smoothed], observations: &Observations) -
             }
         })
         .collect()
-}
-
-/// The largest change of a simulated measurement by half the integration step, in units of noise, in all but one window of ten: those
-/// near an unstable point magnify every error, and every finding is tried again with half the step. Of a stiff model in half of the windows: the moments at
-/// which joints stick take steps that are many times shorter, of order 1.5, for what is in few samples.
-fn step_error(study: &Study, null: &Fitted) -> f64 {
-    let observations = &study.observations;
-    let theta = &null.inside.theta;
-    let nx = null.hybrid.nx();
-    let drive = |substeps: usize| -> Vec<_> {
-        observations
-            .runs
-            .iter()
-            .map(|run| null.hybrid.drive(&run.t, &run.u, substeps, theta, &[]))
-            .collect()
-    };
-    let rolled = |substeps: usize| {
-        let inputs = drive(substeps);
-        let members: Vec<Member> = study
-            .windows
-            .fit
-            .iter()
-            .zip(&null.inside.states)
-            .map(|(window, initial)| Member {
-                inputs: &inputs[window.run],
-                span: (window.first, window.count),
-                initial,
-            })
-            .collect();
-        roll_all((&null.hybrid, theta, &[]), &members, false)
-    };
-    let both = rolled(null.substeps).into_iter();
-    let both = both.zip(rolled(2 * null.substeps));
-    let mut errors: Vec<f64> = Vec::new();
-    for (window, pair) in study.windows.fit.iter().zip(both) {
-        let (Some(a), Some(b)) = pair else {
-            continue;
-        };
-        let mut worst = 0.0_f64;
-        for channel in &observations.channels {
-            let place = channel.coordinate
-                + if channel.velocity {
-                    null.hybrid.nq()
-                } else {
-                    0
-                };
-            for k in 0..window.count {
-                let d = a.states[k * nx + place] - b.states[k * nx + place];
-                worst = worst.max(d.abs() / channel.noise);
-            }
-        }
-        errors.push(worst);
-    }
-    errors.sort_by(f64::total_cmp);
-    let counts = match null.hybrid.is_stiff() {
-        true => errors.len() / 2,
-        false => errors.len() * 9 / 10,
-    };
-    errors.get(counts).copied().unwrap_or(0.0)
 }

@@ -50,12 +50,11 @@ pub fn revision(model: &Model, search: &Search, provenance: &Provenance) -> Revi
                 kind: placed.kind,
                 target,
                 values: theta[range.clone()].to_vec(),
-                smoothing: match own {
-                    Some(own) => own.smoothing,
-                    None => (placed.kind.is_smoothed()
-                        && placed.smoothing != hybrid.default_smoothing(angular))
-                    .then_some(placed.smoothing),
-                },
+                smoothing: own.and_then(|own| own.smoothing).or_else(|| {
+                    let default = hybrid.default_smoothing(angular);
+                    (placed.kind.is_smoothed() && placed.smoothing != default)
+                        .then_some(placed.smoothing)
+                }),
                 fixed: own.is_some_and(|own| own.fixed),
             };
             let comment = search

@@ -42,6 +42,8 @@ use extra::{Extra, Variants};
 
 /// Friction with a faster rate about rest than this, 1/s, is stepped implicitly: explicit steps would have to be shorter than a millisecond.
 const STIFF: f64 = 2.5e3;
+/// Fits sharpen friction up to this part of it, so that what they move does not take it beyond.
+const CLOSE_TO_STIFF: f64 = 0.8;
 /// Implicit steps follow friction whose change of sign is spread over so many times less: on what is light and is often held, creeping shows most.
 const SHARPER: f64 = 0.1;
 
@@ -139,7 +141,7 @@ impl Hybrid {
     /// friction asks for it.
     pub fn of(model: &Model) -> Self {
         let mut hybrid = Hybrid::explicit(model);
-        hybrid.stiff = hybrid.fastest_friction() > STIFF;
+        hybrid.stiff = hybrid.fastest_friction(&hybrid.theta()) > STIFF;
         if hybrid.stiff {
             for (placed, entry) in hybrid.effects.iter_mut().zip(&model.effects) {
                 if entry.smoothing.is_none() {
@@ -215,15 +217,15 @@ impl Hybrid {
 
     /// The fastest rate of dry friction at rest where all coordinates are 0, −(M⁻¹)_jj ∂Q_j/∂v_j, 1/s; 0 where M has no inverse there, where a body
     /// floats and under constraints.
-    fn fastest_friction(&self) -> f64 {
-        let (n, theta) = (self.nv(), self.theta());
+    fn fastest_friction(&self, theta: &[f64]) -> f64 {
+        let n = self.nv();
         if self.nq() != n || self.mechanics.constraints().is_some() {
             return 0.0;
         }
         let rest = vec![[0.0; LANES]; self.nx()];
         let zeros = vec![0.0; n];
         let mut mass = nalgebra::DMatrix::zeros(n, n);
-        self.mass_matrix_into(&zeros, &theta, &mut self.memory(&[]), &mut mass);
+        self.mass_matrix_into(&zeros, theta, &mut self.memory(&[]), &mut mass);
         let Some(mass) = nalgebra::Cholesky::new(mass) else {
             return 0.0;
         };
@@ -233,12 +235,33 @@ impl Hybrid {
             if let Action::Joint(law) = effect.kind.action
                 && law.dry().is_some()
             {
-                let [_, slope] = self.slope_of_eight(law, index, &rest, &theta);
+                let [_, slope] = self.slope_of_eight(law, index, &rest, theta);
                 slopes[self.starts[effect.target].v] += slope[0];
             }
         }
         let rates = response.iter().zip(&slopes).map(|(r, slope)| -r * slope);
         rates.fold(0.0, f64::max)
+    }
+
+    /// The least factor on the smoothing of dry friction at θ that leaves it slow enough for the steps that are taken; 1 where they are implicit.
+    pub(crate) fn sharpest(&self, theta: &[f64]) -> f64 {
+        match self.stiff {
+            true => 1.0,
+            false => self.fastest_friction(theta) / (CLOSE_TO_STIFF * STIFF),
+        }
+    }
+
+    /// The model with the smoothing of all dry friction times `factor`.
+    pub(crate) fn sharpened(&self, factor: f64) -> Self {
+        let mut sharp = self.clone();
+        for placed in &mut sharp.effects {
+            if let Action::Joint(law) = placed.kind.action
+                && law.dry().is_some()
+            {
+                placed.smoothing *= factor;
+            }
+        }
+        sharp
     }
 
     /// The same with implicit steps or without, whatever its friction.
