@@ -233,13 +233,14 @@ fn a_real_cart_shows_its_dead_starts_its_friction_and_that_its_motor_is_late_and
     );
     assert!((mass / 0.817 - 1.0).abs() < 0.1, "{mass}");
     // Friction by whatever names, of both directions' mean, at the speeds the cart moves with.
-    let law = |kind: &str, force: &dyn Fn(&dyn Fn(&str) -> f64) -> f64| {
+    type Named<'a> = &'a dyn Fn(&str) -> f64;
+    let law = |kind: &str, force: &dyn Fn(Named) -> f64| {
         let there = effects
             .iter()
             .find(|e| e.kind == kind && e.target == "slider");
         there.map_or(0.0, |e| force(&|name| e.parameters[name].value))
     };
-    let sides = |p: &dyn Fn(&str) -> f64, name: &str| {
+    let sides = |p: Named, name: &str| {
         0.5 * (p(&format!("{name}_positive")) + p(&format!("{name}_negative")))
     };
     for v in [0.2_f64, 0.4] {
