@@ -5,11 +5,10 @@ use super::confidence::wins;
 use super::found::position;
 use super::screen::Screened;
 use super::study::{Comparison, Fitted, RELIEF, Study};
-use crate::effect::Family;
 
 /// A candidate with this share of its information spanned by free constants is one that they imitate.
 const IMITATED: f64 = 0.9;
-/// Iterations by which the starts of a candidate are compared, of the initial states and of all: of friction with a memory, whose starts
+/// Iterations by which the starts of a candidate are compared, of the initial states and of all: of what has no motor of its own, whose starts
 /// are too small to tell much, and of what stands between motor and joint, whose every iteration is dear.
 const COMPARING: [(usize, usize); 2] = [(1, 4), (3, 0)];
 /// … and one in so many of the windows.
@@ -101,7 +100,7 @@ pub fn refine_one(
     let refined = match starts {
         [only] => fit_with(study, current, &theta, &members(only), (1, iterations)),
         several => {
-            let comparing = COMPARING[usize::from(candidate.kind.family != Family::Memory)];
+            let comparing = COMPARING[usize::from(candidate.kind.is_transmission())];
             let (some, current_there) = study.some_windows(current, SHARE);
             let tried = several
                 .iter()

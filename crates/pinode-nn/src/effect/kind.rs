@@ -134,6 +134,13 @@ impl Kind {
         self.memory().map_or(0, MemoryForce::states)
     }
 
+    /// Whether fits have to start from its probes themselves: it is far from linear in its parameters, as what has a memory and what cuts an
+    /// input off are.
+    pub fn starts_at_probes(&self) -> bool {
+        let cuts_off = self.parameters.iter().any(|p| p.neutral.is_infinite());
+        self.states() > 0 || (matches!(self.action, Action::Drive(_)) && cuts_off)
+    }
+
     /// Whether a model file may say over which velocity it spreads a change of sign.
     pub fn is_smoothed(&self) -> bool {
         self.acts_on() == ActsOn::Joint && self.inertial().is_none()

@@ -22,7 +22,7 @@ use probed::Column;
 pub struct Screened {
     /// The candidate.
     pub candidate: Candidate,
-    /// Parameters to start a fit from: the best probe's step; of a law with a memory every probe that the data ask for, the best
+    /// Parameters to start a fit from: the best probe's step; of what starts at its probes every one that the data ask for, the best
     /// first. None where the bounds allow no step; then there is a relieving one.
     pub starts: Vec<Vec<f64>>,
     /// Gain in log-likelihood that the linearisation promises, nats.
@@ -125,7 +125,7 @@ impl Screen {
                     }
                     false => (known, screened),
                 };
-            if column.candidate.kind.states() > 0 {
+            if column.candidate.kind.starts_at_probes() {
                 better.starts.extend(other.starts);
             }
         }

@@ -15,10 +15,10 @@ pub(super) struct Column {
 }
 
 impl Column {
-    /// The parameters a step of `factor` probes away, within their bounds; `None` when the bounds allow no step that way. Laws with a memory
-    /// are far from linear in theirs: the probe itself is the start, unless the data ask for its opposite.
+    /// The parameters a step of `factor` probes away, within their bounds; `None` when the bounds allow no step that way. Of what is far from
+    /// linear in its parameters the probe itself is the start, unless the data ask for its opposite.
     pub(super) fn start(&self, factor: f64) -> Option<Vec<f64>> {
-        if self.candidate.kind.states() > 0 {
+        if self.candidate.kind.starts_at_probes() {
             return (factor > 0.0).then(|| self.perturbed.clone());
         }
         let specs = self.candidate.kind.parameters;
