@@ -206,20 +206,6 @@ fn play_of_the_drive_is_found() {
     }
 }
 
-/// The model as given is so far off that no linearisation about its fit knows the limit.
-#[test]
-fn an_input_that_is_cut_off_to_an_eighth_is_found() {
-    let hidden = Hidden::InputSaturation {
-        target: Target::Motor,
-        limit: 0.42,
-    };
-    let diagnosis = diagnosed(&hidden, 93532, 60.0);
-    let named = &diagnosis.effects[0];
-    assert_eq!(named.kind, "input_saturation", "{named:?}");
-    has_size(only_size(&hidden), &named.parameters);
-    assert!(diagnosis.gap.after < 0.1 * diagnosis.gap.before);
-}
-
 /// Friction that changes its sign over 3 mm/s is too small where it is largest: fits made a hump of 35 mm/s an eighth narrower and a sixth higher.
 #[test]
 fn static_friction_is_as_large_as_it_is() {

@@ -1,5 +1,5 @@
 //! The bench of the naming, on short logs.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::path::{Path, PathBuf};
 
@@ -107,4 +107,32 @@ fn a_set_that_a_rig_has_not_is_refused_by_name() {
     let error = run(&arm, &models(), dir.path(), false).unwrap_err();
     assert!(matches!(error, Error::NoSuchSet { .. }));
     assert!(error.to_string().contains("`arm` has no set `dirty`"));
+}
+
+/// The motor of Furuta's pendulum reaches a sixteenth of what it is told: the model as given is so far off that no linearisation about its fit
+/// knows the limit.
+#[test]
+fn an_input_that_is_cut_off_to_a_sixteenth_is_found() {
+    let line = line(
+        &Case {
+            rig: Rig::Furuta,
+            kinds: Kinds::All,
+            noise: NoiseLevel::Realistic,
+            duration: None,
+            ..case(Set::One, 93532)
+        },
+        1,
+    );
+    let [truth] = &line.hidden[..] else {
+        panic!("{line:?}")
+    };
+    let [named] = &line.named[..] else {
+        panic!("{line:?}")
+    };
+    assert_eq!(
+        (truth.kind.as_str(), named.kind.as_str()),
+        ("input_saturation", "input_saturation")
+    );
+    let error = named.parameters["limit"].0 / truth.parameters["limit"] - 1.0;
+    assert!(error.abs() < 1e-3, "{line:?}");
 }
