@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use cartpole::config::NoiseLevel;
-use cartpole::score::{Case, Error, Kinds, Line, Rig, Set, run, tables};
+use cartpole::score::{Case, Error, Kinds, Line, Named, Rig, Set, Truth, run, tables};
 
 fn models() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models")
@@ -109,30 +109,42 @@ fn a_set_that_a_rig_has_not_is_refused_by_name() {
     assert!(error.to_string().contains("`arm` has no set `dirty`"));
 }
 
+/// The one that is named on a log of the usual length, and what is hidden in it.
+fn named(rig: Rig, seed: u64) -> (Truth, Named) {
+    let usual = Case {
+        rig,
+        kinds: Kinds::All,
+        noise: NoiseLevel::Realistic,
+        duration: None,
+        ..case(Set::One, seed)
+    };
+    let line = line(&usual, 1);
+    let ([truth], [named]) = (&line.hidden[..], &line.named[..]) else {
+        panic!("{line:?}")
+    };
+    (truth.clone(), named.clone())
+}
+
 /// The motor of Furuta's pendulum reaches a sixteenth of what it is told: the model as given is so far off that no linearisation about its fit
 /// knows the limit.
 #[test]
 fn an_input_that_is_cut_off_to_a_sixteenth_is_found() {
-    let line = line(
-        &Case {
-            rig: Rig::Furuta,
-            kinds: Kinds::All,
-            noise: NoiseLevel::Realistic,
-            duration: None,
-            ..case(Set::One, 93532)
-        },
-        1,
-    );
-    let [truth] = &line.hidden[..] else {
-        panic!("{line:?}")
-    };
-    let [named] = &line.named[..] else {
-        panic!("{line:?}")
-    };
-    assert_eq!(
-        (truth.kind.as_str(), named.kind.as_str()),
-        ("input_saturation", "input_saturation")
-    );
+    let (truth, named) = named(Rig::Furuta, 93532);
+    assert_eq!(truth.kind, "input_saturation");
+    assert_eq!(named.kind, truth.kind, "{named:?}");
     let error = named.parameters["limit"].0 / truth.parameters["limit"] - 1.0;
-    assert!(error.abs() < 1e-3, "{line:?}");
+    assert!(error.abs() < 1e-3, "{named:?}");
+}
+
+/// Dahl's friction, which it contains, explains nearly as much.
+#[test]
+fn friction_that_is_larger_before_it_slips_is_not_dahls() {
+    let (truth, named) = named(Rig::Cartpole, 93010);
+    assert_eq!(truth.kind, "lugre_friction");
+    assert_eq!(named.kind, truth.kind, "{named:?}");
+    for name in ["stiffness", "damping", "coulomb_force"] {
+        let (value, std) = named.parameters[name];
+        let off = (value - truth.parameters[name]).abs() / std.unwrap();
+        assert!(off < 4.0, "{name}: {named:?} for {truth:?}");
+    }
 }

@@ -11,6 +11,6 @@ mod statistics;
 mod table;
 
 pub use case::{Case, Kinds, NOISES, Rig, Set};
-pub use line::{FreeRun, Line, Truth};
+pub use line::{FreeRun, Line, Name, Named, Truth};
 pub use run::{Error, run};
 pub use table::tables;

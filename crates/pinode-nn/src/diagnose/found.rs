@@ -230,12 +230,17 @@ fn weigh(
             }
             continue;
         };
-        // A kind that contains the found one always fits as well: the simpler name is meant, and its wins are this one's.
+        // A kind that contains the found one always fits as well: the simpler name is meant, and its wins are this one's. Only if it falls
+        // short of taking its place by little do the data not tell.
         let contains =
             other.target == candidate.target && other.kind.contains.contains(&candidate.kind.name);
         let tied = own.is_some_and(|own| !contains && are_tied(own, rival));
         if other == candidate || contains {
             confidence += rival.wins;
+            let lead = |own: &Contender| Comparison::of(&rival.fitted, &own.fitted);
+            if contains && own.is_some_and(|own| rival.is_sensible && lead(own).nearly_explains()) {
+                indistinguishable.push(other);
+            }
         } else if twins.contains(&other) || tied {
             confidence += rival.wins;
             indistinguishable.push(other);

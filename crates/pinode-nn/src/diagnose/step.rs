@@ -146,12 +146,14 @@ impl Looking<'_> {
     /// long as something is left.
     fn ask_the_simple(&self, screen: &Screen, step: &mut Step) {
         let (study, current) = (self.study, self.current);
-        let enough = match self.first || current.hint(study, self.first).is_some() {
+        let something_is_left = self.first || current.hint(study, self.first).is_some();
+        // What contains a law with a memory is as far from linear as that.
+        let enough = |s: &Screened| match something_is_left || is_dear(s.candidate.kind) {
             true => PROMISED.0 * self.samples(),
             false => PROMISED.1 * self.samples(),
         };
         let promising = screen.ranked.iter();
-        let promising = promising.filter(|s| s.t2 > self.least_t2() && s.gain > enough);
+        let promising = promising.filter(|s| s.t2 > self.least_t2() && s.gain > enough(s));
         let promising: Vec<&Screened> = promising.collect();
         let leading = promising.first().map_or(0.0, |s| s.gain);
         let close = promising.iter().take(REFINED);
