@@ -74,6 +74,8 @@ struct StageClock {
     /// The stage under way is the refinement of a candidate.
     refining: bool,
     refined: Mean,
+    /// Candidates refined in this step.
+    in_step: usize,
     /// The steps that found something.
     steps: Mean,
     /// … of the search from this beginning.
@@ -110,6 +112,7 @@ impl StageClock {
             path_began: now,
             refining: false,
             refined: Mean::default(),
+            in_step: 0,
             steps: Mean::default(),
             found: 0,
             first_path: None,
@@ -125,18 +128,23 @@ impl StageClock {
         }
         self.began = now;
         self.refining = stage.starts_with("refining");
+        self.in_step += usize::from(self.refining);
         if stage.starts_with("accepted") {
-            self.steps.add(since(self.step_began));
+            // What another search begins with took no time of its own.
+            if self.in_step > 0 {
+                self.steps.add(since(self.step_began));
+            }
             self.found += 1;
-            self.step_began = now;
-        } else if stage.starts_with("locating") {
-            (self.step_began, self.path_began) = (now, now);
+            (self.step_began, self.in_step) = (now, 0);
+        } else if stage.starts_with("locating") || stage.starts_with("fitting") {
+            (self.step_began, self.path_began, self.in_step) = (now, now, 0);
+            (self.first_path, self.rivals, self.found) = (None, 0, 0);
         } else if stage.starts_with("following") {
             self.first_path
                 .get_or_insert(since(self.path_began).as_secs_f64());
             self.rivals += 1;
             self.found = 0;
-            (self.step_began, self.path_began) = (now, now);
+            (self.step_began, self.path_began, self.in_step) = (now, now, 0);
         }
         let each = self.refined.get().filter(|_| self.refining)?;
         let typical = self.steps.get().unwrap_or(each * REFINED as f64);
@@ -205,11 +213,12 @@ mod tests {
         stages.extend([
             (20.0, "refining play"),
             (30.0, "following stops instead"),
+            (30.0, "accepted: stops"),
             (30.0, "refining lag"),
         ]);
         let left = said(&stages);
         assert_eq!(left[4], Some(10.0 + 2.0 * 30.0 + 10.0));
-        assert_eq!(left[6], Some(30.0 + 30.0 + 10.0));
+        assert_eq!(left[7], Some(30.0 + 30.0 + 10.0));
     }
 
     #[test]

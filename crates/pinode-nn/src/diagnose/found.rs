@@ -144,10 +144,13 @@ pub fn revisit(
             rank(&mut rivals, seed);
             let own = rivals.iter().position(|r| r.added[0] == added[k]);
             let simple = own.and_then(|own| simpler(&rivals, own));
-            // What takes its place leaves the others what they are called.
+            // What takes its place leaves the others what they are called, or takes theirs as well.
             let others_stay = |rival: &Contender| {
                 let mut others = added.iter().enumerate().filter(|(other, _)| *other != k);
-                others.all(|(_, other)| is_sensible(study, other, &rival.fitted))
+                others.all(|(_, other)| {
+                    position(&rival.fitted, other).is_none()
+                        || is_sensible(study, other, &rival.fitted)
+                })
             };
             let may_replace = |rival: &Contender| rival.is_acceptable() && others_stay(rival);
             if let Some(simple) = simple.filter(|&simple| may_replace(&rivals[simple])) {
@@ -238,7 +241,7 @@ fn weigh(
         if other == candidate || contains {
             confidence += rival.wins;
             let lead = |own: &Contender| Comparison::of(&rival.fitted, &own.fitted);
-            if contains && own.is_some_and(|own| rival.is_sensible && lead(own).nearly_explains()) {
+            if contains && own.is_some_and(|own| rival.is_rival() && lead(own).nearly_explains()) {
                 indistinguishable.push(other);
             }
         } else if twins.contains(&other) || tied {

@@ -7,7 +7,8 @@
 //! 4. Search: every candidate is screened from one linearisation; the best are refined by a fit; one is accepted
 //!    when it explains the windows better, pair by pair, both on those the fit saw and on those held out. Where none is, the same again beside
 //!    pushes that nobody measured.
-//! 5. The new model is written, read back, and run free over held-out data. What does not shrink the gap there is not added.
+//! 5. Dry friction is fitted once more, as sharp as the data see it.
+//! 6. The new model is written, read back, and run free over held-out data. What does not shrink the gap there is not added.
 
 mod advise;
 pub(crate) mod audit;
@@ -177,18 +178,18 @@ pub(crate) fn diagnose_into(
         ..
     } = cleaned;
     let splits = experiment::splits(&prepared.study, &search, &names, report);
-    let mut study = prepared.study.clone();
+    let (mut study, mut coarse) = (prepared.study.clone(), None);
     // Who says how sharp friction is, is taken at his word.
     if model.effects.iter().all(|e| e.smoothing.is_none()) {
         report("asking whether friction that sticks would do the same");
-        if let Some((finer, sharp)) = numerics::sharpened(&study, &search.model) {
-            (study, search.model) = (finer, sharp);
+        if let Some((finer, sharp)) = numerics::sharpened(&study, &search) {
+            let model = search.refitted(&finer, sharp);
+            coarse = Some((std::mem::replace(&mut study, finer), model));
         }
     }
-    let study = &study;
 
     report("writing the new model and running it free over unseen data");
-    let provenance = Provenance {
+    let mut provenance = Provenance {
         version: env!("CARGO_PKG_VERSION").into(),
         model: model.path.display().to_string(),
         logs: logs
@@ -204,7 +205,7 @@ pub(crate) fn diagnose_into(
         seed,
         windows: [study.windows.fit.len(), study.windows.held_out.len()],
         window_s: prepared.window,
-        substeps: study.substeps * study.finer,
+        substeps: study.substeps,
     };
     let first_guess = |run: usize, k: usize| prepared.smoothed[run].state(k);
     let lead = LEAD_S.min(0.5 * prepared.window);
@@ -221,22 +222,30 @@ pub(crate) fn diagnose_into(
         }
         let given = &search.null.hybrid;
         let free_runs = gap::free_runs(
-            study,
+            &study,
             (given, &given.theta()),
             (&written, &written.theta()),
             &first_guess,
             (lead, HORIZON_S, true),
             &masked,
         );
-        let gap = gap::gap(study, given, &free_runs, HORIZON_S);
+        let gap = gap::gap(&study, given, &free_runs, HORIZON_S);
         // Windows without one in which both models stay finite count against what was found; no windows at all say nothing.
         let shrinks = gap.windows > 0 && gap.after < gap.before;
         if search.found.is_empty() || free_runs.is_empty() || shrinks {
             break (path, written, gap, free_runs);
         }
+        // Friction that is less sharp may.
+        if let Some((plain, model)) = coarse.take() {
+            study = plain;
+            search.refitted(&study, model);
+            continue;
+        }
         report("what was found does not shrink the gap on unseen data: it is not added");
-        search.withdraw(study);
+        search.withdraw(&study);
     };
+    let study = &study;
+    provenance.substeps = study.substeps * study.finer;
     let given = &search.null.hybrid;
     let longer = gap::free_runs(
         study,

@@ -1,5 +1,7 @@
 //! What the final model owes to its numerics.
 
+use super::refine::is_sensible;
+use super::search::Search;
 use super::study::{Comparison, Fitted, MOST_SUBSTEPS, Study};
 use crate::shooting::{Member, Window, roll_all};
 use crate::smoothing::{SmoothingError, VISIBLE, compare};
@@ -47,8 +49,14 @@ pub fn set_valued(study: &Study, fitted: &Fitted) -> Option<SmoothingError> {
 
 /// `fitted` with its dry friction as sharp as the data see it, and the study with the steps that this takes: where sticking would move a
 /// coordinate by more than [`VISIBLE`] from where the smoothed friction has it, the forces at low speed come out wrong for it. `None` where it would
-/// not, where friction would become too fast for explicit steps first, and where the sharper model explains the windows no better.
-pub fn sharpened(study: &Study, fitted: &Fitted) -> Option<(Study, Fitted)> {
+/// not, where friction would become too fast for explicit steps first, and where the sharper model explains the windows no better or is no longer
+/// what was found.
+pub fn sharpened(study: &Study, search: &Search) -> Option<(Study, Fitted)> {
+    let fitted = &search.model;
+    // Without the pushes that they were found beside, the constants would take these for their own.
+    if search.pushed {
+        return None;
+    }
     let error = set_valued(study, fitted)?;
     let worst = error.coordinates.iter().map(|c| c.rms).fold(0.0, f64::max);
     let factor = (AIM / worst).max(fitted.hybrid.sharpest(&fitted.inside.theta));
@@ -66,8 +74,11 @@ pub fn sharpened(study: &Study, fitted: &Fitted) -> Option<(Study, Fitted)> {
         study.finer *= 2;
         sharp = fit(&study, &sharp);
     }
-    let better = Comparison::of(&sharp, fitted).total() > 0.0;
-    better.then_some((study, sharp))
+    let gain = Comparison::of(&sharp, fitted);
+    let better = gain.total() > 0.0 && gain.outside.z > -2.0;
+    let mut found = search.found.iter();
+    let stays = found.all(|found| is_sensible(&study, &found.candidate, &sharp));
+    (better && stays).then_some((study, sharp))
 }
 
 /// The largest change of a simulated measurement by half the integration step, in units of noise, in all but one window of ten: those

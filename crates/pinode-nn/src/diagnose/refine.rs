@@ -8,8 +8,8 @@ use super::study::{Comparison, Fitted, RELIEF, Study};
 
 /// A candidate with this share of its information spanned by free constants is one that they imitate.
 const IMITATED: f64 = 0.9;
-/// Iterations by which the starts of a candidate are compared, of the initial states and of all: of what has no motor of its own, whose starts
-/// are too small to tell much, and of what stands between motor and joint, whose every iteration is dear.
+/// Iterations by which the starts of a candidate are compared, of the initial states and of all: of what is quickly fitted, and of what stands
+/// between motor and joint, whose every iteration is dear.
 const COMPARING: [(usize, usize); 2] = [(1, 4), (3, 0)];
 /// … and one in so many of the windows.
 const SHARE: usize = 4;
@@ -88,7 +88,7 @@ pub fn refine_one(
     let mut theta = current.inside.theta.clone();
     let mut starts = screened.starts.as_slice();
     if let Some(step) = &screened.relieving
-        && (is_imitated(screened) || starts.is_empty())
+        && ((is_imitated(screened) && !candidate.kind.starts_at_probes()) || starts.is_empty())
     {
         for (&i, shift) in current.inside.free.iter().zip(&step.shift) {
             let constant = &current.hybrid.constants()[i];

@@ -31,6 +31,8 @@ pub struct Search {
     pub gain: f64,
     /// What it leaves, where that follows from anything.
     pub left: Option<Remainder>,
+    /// Whether it was found beside pushes: then the constants are those that the model has beside them.
+    pub pushed: bool,
 }
 
 impl Search {
@@ -43,6 +45,13 @@ impl Search {
         for step in &mut self.steps {
             step.accepted = None;
         }
+    }
+
+    /// Takes another fit of the model with what was found, in place of the one that it returns.
+    pub fn refitted(&mut self, study: &Study, model: Fitted) -> Fitted {
+        self.gain = Comparison::of(&model, &self.null).total();
+        self.left = model.left(study).cloned();
+        std::mem::replace(&mut self.model, model)
     }
 
     /// What was found beside pushes, as it is without them: constants and errors stay, residuals are those of the model itself. `null` is the
@@ -66,6 +75,7 @@ impl Search {
             }
         }
         self.null = null;
+        self.pushed = true;
         self
     }
 
@@ -162,6 +172,7 @@ fn search_from(study: &Study, null: Fitted, first: Step, seed: u64, report: Repo
         found,
         model: current,
         left,
+        pushed: false,
     }
 }
 
@@ -270,6 +281,7 @@ impl Path {
         let simpler = self.current.inside.free.len() < other.current.inside.free.len();
         let better = z_in > 2.0 && z_out > -2.0 && comparison.total() > 0.0;
         let as_well = z_in > -2.0 && z_out > 0.0 && comparison.relief > -RELIEF;
-        better || comparison.relieves() || (simpler && as_well)
+        let less_stretched = comparison.relieves() && comparison.total() > 0.0;
+        better || less_stretched || (simpler && as_well)
     }
 }

@@ -43,7 +43,7 @@ pub(crate) struct EightMemory {
     arch: Arch,
     /// (v̇, ḣ) of the last call.
     pub rates: Vec<Lane>,
-    /// ∂Q_j/∂v_j of the forces on the joints without a memory, of the last call that linearised or was asked for them.
+    /// ∂Q_j/∂v_j of the forces on the joints without a memory, of the last call, if that linearised or was asked for them.
     pub slopes: Vec<Lane>,
     /// ∂(v̇, ḣ)/∂(q, v, h, θ_free) of the last call, column after column.
     pub linear: Vec<Lane>,

@@ -152,6 +152,7 @@ fn found(
         found: vec![found],
         model: fitted,
         left: None,
+        pushed: false,
     };
     (prepared, search)
 }

@@ -89,13 +89,17 @@ impl Screen {
                 continue;
             }
             let step = self.pull[k] / d;
+            let taken = match column.candidate.kind.starts_at_probes() {
+                true => 1.0,
+                false => step,
+            };
             let relieving = column.start(step).map(|start| Relieving {
                 start,
                 shift: self
                     .by_nuisance
                     .column(k)
                     .iter()
-                    .map(|x| -step * x)
+                    .map(|x| -taken * x)
                     .collect(),
             });
             let starts: Vec<Vec<f64>> = column.start(b / d).into_iter().collect();
