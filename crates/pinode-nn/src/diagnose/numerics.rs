@@ -47,9 +47,9 @@ pub fn set_valued(study: &Study, fitted: &Fitted) -> Option<SmoothingError> {
     compare(hybrid, theta, &inputs, &windows, &noise).ok()
 }
 
-/// `fitted` with its dry friction as sharp as the data see it, and the study with the steps that this takes: where sticking would move a
+/// The model that was found with its dry friction as sharp as the data see it, and the study with the steps that this takes: where sticking would move a
 /// coordinate by more than [`VISIBLE`] from where the smoothed friction has it, the forces at low speed come out wrong for it. `None` where it would
-/// not, where friction would become too fast for explicit steps first, and where the sharper model explains the windows no better or is no longer
+/// not, where that was found beside pushes, where friction would become too fast for explicit steps first, and where the sharper model explains the windows no better or is no longer
 /// what was found.
 pub fn sharpened(study: &Study, search: &Search) -> Option<(Study, Fitted)> {
     let fitted = &search.model;

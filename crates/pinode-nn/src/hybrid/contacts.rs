@@ -187,7 +187,7 @@ impl Hybrid {
     pub fn smoothing(&self, c: usize) -> Option<f64> {
         let own = self.dry().filter(|(target, ..)| *target == c);
         own.filter_map(|(.., index)| self.effects.get(index))
-            .map(|effect| effect.smoothing * self.smoothing_scale)
+            .map(|effect| effect.smoothing)
             .min_by(f64::total_cmp)
     }
 }

@@ -123,7 +123,7 @@ impl Hybrid {
             if let Action::Joint(law) = effect.kind.action {
                 let range = self.ranges[index].clone();
                 let Start { q, v } = self.starts[effect.target];
-                let smoothing = effect.smoothing * self.smoothing_scale;
+                let smoothing = effect.smoothing;
                 let (by_p, p) = (&mut by_parameter[..range.len()], &theta[range.clone()]);
                 let [value, by_q, by_v] =
                     law.derivatives_of_eight(&x[q], &x[nq + v], p, smoothing, by_p);
@@ -139,7 +139,7 @@ impl Hybrid {
             } else if let Some(law) = effect.kind.memory() {
                 let (start, seen) = self.seen_by_eight(index, x, at, driven);
                 let p = &theta[self.ranges[index].clone()];
-                let smoothing = effect.smoothing * self.smoothing_scale;
+                let smoothing = effect.smoothing;
                 law.derivatives_of_eight(&seen, p, smoothing, with_memory);
                 self.memory_parts(index, start, with_memory, |of, by, part| {
                     let column = match by {
@@ -243,7 +243,7 @@ impl Hybrid {
         hidden.fill([0.0; LANES]);
         for (index, effect) in self.effects.iter().enumerate() {
             let p = &theta[self.ranges[index].clone()];
-            let smoothing = effect.smoothing * self.smoothing_scale;
+            let smoothing = effect.smoothing;
             if let Action::Joint(law) = effect.kind.action {
                 let Start { q, v } = self.starts[effect.target];
                 let value = match slopes {
@@ -288,7 +288,7 @@ impl Hybrid {
     ) -> [Lane; 2] {
         let effect = &self.effects[index];
         let Start { q, v } = self.starts[effect.target];
-        let smoothing = effect.smoothing * self.smoothing_scale;
+        let smoothing = effect.smoothing;
         let p = &theta[self.ranges[index].clone()];
         law.slopes_of_eight(&x[q], &x[self.nq() + v], p, smoothing)
     }
@@ -296,7 +296,7 @@ impl Hybrid {
     /// The entries of v that dry friction acts on, and the velocity over which its change of sign is spread.
     pub(crate) fn dry_velocities(&self) -> impl Iterator<Item = (usize, f64)> {
         let dry = self.effects.iter().filter(|e| e.kind.dry().is_some());
-        dry.map(|e| (self.starts[e.target].v, e.smoothing * self.smoothing_scale))
+        dry.map(|e| (self.starts[e.target].v, e.smoothing))
     }
 
     /// Forces of the inputs that act on the coordinates themselves, into `driven`; to `add`, for every entry of θ that one depends on, the

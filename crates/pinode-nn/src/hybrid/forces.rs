@@ -92,7 +92,7 @@ impl Hybrid {
         acceleration.copy_from(driven);
         for (index, effect) in self.effects.iter().enumerate() {
             let p = &theta[self.ranges[index].clone()];
-            let smoothing = effect.smoothing * self.smoothing_scale;
+            let smoothing = effect.smoothing;
             if let Action::Joint(law) = effect.kind.action {
                 if counts(law) {
                     let at = self.starts[effect.target];
@@ -121,7 +121,7 @@ impl Hybrid {
             self.starts[effect.target],
             &theta[self.ranges[index].clone()],
         );
-        let smoothing = effect.smoothing * self.smoothing_scale;
+        let smoothing = effect.smoothing;
         Some((at.v, law.force(state.q[at.q], state.v[at.v], p, smoothing)))
     }
 
@@ -198,7 +198,7 @@ impl Hybrid {
         for (index, effect) in self.effects.iter().enumerate() {
             let range = self.ranges[index].clone();
             let p = &theta[range.clone()];
-            let smoothing = effect.smoothing * self.smoothing_scale;
+            let smoothing = effect.smoothing;
             if let Action::Joint(law) = effect.kind.action {
                 let by_p = &mut by_parameter[..range.len()];
                 let Start { q, v } = self.starts[effect.target];

@@ -78,7 +78,7 @@ impl Hybrid {
             };
             let own = self.state_range(index);
             let p = &theta[self.range(index)];
-            let smoothing = effect.smoothing * self.smoothing_scale;
+            let smoothing = effect.smoothing;
             let mut h = [0.0; MOST_STATES];
             let h = &mut h[..own.len()];
             h.copy_from_slice(&start[own.clone()]);

@@ -121,8 +121,6 @@ pub struct Hybrid {
     variants: Option<Arc<Variants>>,
     /// What the effects add to M, C and G.
     extra: Option<Arc<Extra>>,
-    /// Factor on all smoothing velocities: halved to see whether a finding is numerical.
-    smoothing_scale: f64,
     /// Whether friction in the model as given is too fast for explicit steps.
     stiff: bool,
 }
@@ -251,17 +249,12 @@ impl Hybrid {
         }
     }
 
-    /// The model with the smoothing of all dry friction times `factor`.
+    /// The model with the smoothing of all friction that may stick times `factor`.
     pub(crate) fn sharpened(&self, factor: f64) -> Self {
-        let mut sharp = self.clone();
-        for placed in &mut sharp.effects {
-            if let Action::Joint(law) = placed.kind.action
-                && law.dry().is_some()
-            {
-                placed.smoothing *= factor;
-            }
-        }
-        sharp
+        self.smoothed_by(
+            factor,
+            |kind| matches!(kind.action, Action::Joint(law) if law.dry().is_some()),
+        )
     }
 
     /// The same with implicit steps or without, whatever its friction.
@@ -305,7 +298,6 @@ impl Hybrid {
             constants,
             variants: None,
             extra: None,
-            smoothing_scale: 1.0,
             stiff: false,
         }
     }
@@ -374,10 +366,15 @@ impl Hybrid {
 
     /// The model with all smoothing velocities times `factor`.
     pub fn with_smoothing_scale(&self, factor: f64) -> Self {
-        Hybrid {
-            smoothing_scale: factor,
-            ..self.clone()
+        self.smoothed_by(factor, |_| true)
+    }
+
+    fn smoothed_by(&self, factor: f64, counts: impl Fn(&Kind) -> bool) -> Self {
+        let mut scaled = self.clone();
+        for placed in scaled.effects.iter_mut().filter(|e| counts(e.kind)) {
+            placed.smoothing *= factor;
         }
+        scaled
     }
 
     fn base_len(&self) -> usize {
