@@ -108,7 +108,10 @@ const BAD_MODELS: &[(&str, (usize, usize), &[&str])] = &[
     // Effects.
     ("urdf = 'cartpole.urdf'\n[[effect]]\njoint = 'pole'", (2, 1), &["[[effect]] has no `kind`"]),
     ("urdf = 'cartpole.urdf'\n[[effect]]\nkind = 'viscous_fricton'\njoint = 'pole'", (3, 8), &["unknown kind of effect `viscous_fricton`", "nearest: `viscous_friction`"]),
-    ("urdf = 'cartpole.urdf'\n[[effect]]\nkind = 'neural_network'\njoint = 'pole'", (3, 8), &["`neural_network` is a known kind", "does not support"]),
+    ("urdf = 'cartpole.urdf'\n[[effect]]\nkind = 'neural_network'\njoints = ['pole']", (2, 1), &["neural_network has no `weights`"]),
+    ("urdf = 'cartpole.urdf'\n[[effect]]\nkind = 'neural_network'\nweights = 'none.safetensors'\njoints = ['pole']", (4, 11), &["none.safetensors", "No such file"]),
+    ("urdf = 'cartpole.urdf'\n[[effect]]\nkind = 'neural_network'\nweights = 'cartpole.urdf'\njoints = ['pole']", (4, 11), &["cartpole.urdf", "no file of weights"]),
+    ("urdf = 'cartpole.urdf'\n[[effect]]\nkind = 'neural_network'\nweights = 'cartpole.urdf'\njoint = 'pole'", (5, 1), &["unknown key `joint` in neural_network", "nearest: `joints`"]),
     ("urdf = 'cartpole.urdf'\n[[effect]]\nkind = 'viscous_friction'\njoint = 'pole'", (2, 1), &["viscous_friction takes coefficient (N·m·s/rad)", "`coefficient` is missing"]),
     ("urdf = 'cartpole.urdf'\n[[effect]]\nkind = 'viscous_friction'\njoint = 'pole'\ncoefficient = -1", (5, 15), &["`coefficient` is -1", "at least 0"]),
     ("urdf = 'cartpole.urdf'\n[[effect]]\nkind = 'viscous_friction'\njoint = 'pole'\ncoefficient = 1\nforce = 2", (6, 1), &["unknown key `force` in viscous_friction"]),

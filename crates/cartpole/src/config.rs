@@ -1,13 +1,16 @@
 //! The rig's settings: one TOML file, units in its comments, unknown keys refused.
 
 mod hidden;
+mod paper;
 
 use std::path::{Path, PathBuf};
 
 use lagrange::{Position, Problem, Problems};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 pub use hidden::*;
+pub use paper::*;
 
 /// A closed range `[smallest, largest]`.
 pub type Range = [f64; 2];
@@ -139,15 +142,21 @@ pub struct Operator {
     pub acceleration: f64,
     /// Rest between two moves, s.
     pub dwell: Range,
-    /// Moves end within ± this, m.
+    /// Moves end within ± this of the centre, m.
     pub reach: f64,
+    /// The place about which the hand moves the cart, m.
+    #[serde(default)]
+    pub centre: f64,
+    /// Where it holds the cart back, m from the centre; beyond ± the reach where nothing is given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hold: Option<Range>,
     /// Force per displacement from the intended place, N/m.
     pub stiffness: f64,
     /// Force per velocity beside the intended one, N·s/m.
     pub damping: f64,
     /// Mass that the hand expects to accelerate, kg.
     pub mass: f64,
-    /// Force per displacement beyond the reach, N/m.
+    /// Force per displacement beyond the reach, or beyond `hold`, N/m.
     pub guard: f64,
     /// How far ahead the hand sees the cart leave its reach, s.
     pub foresight: f64,
@@ -164,10 +173,7 @@ pub struct Operator {
 impl Config {
     /// Reads and checks a settings file; `urdf` is taken relative to its folder.
     pub fn read(path: &Path) -> Result<Self, ConfigError> {
-        let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Io {
-            path: path.to_owned(),
-            source,
-        })?;
+        let text = read_text(path)?;
         let mut config = Self::parse(&text, &path.display().to_string())?;
         if let Some(folder) = path.parent() {
             config.urdf = folder.join(&config.urdf);
@@ -177,32 +183,7 @@ impl Config {
 
     /// Reads and checks settings; `source` is what errors call the text.
     pub fn parse(text: &str, source: &str) -> Result<Self, ConfigError> {
-        let problems = |list| {
-            ConfigError::Problems(Problems {
-                source: source.to_owned(),
-                list,
-            })
-        };
-        let config: Config = toml::from_str(text).map_err(|error| {
-            let message = error.message().to_owned();
-            problems(vec![match error.span() {
-                Some(span) => Problem::at(Position::of(text, span.start), message),
-                None => Problem::general(message),
-            }])
-        })?;
-        let mut list: Vec<Problem> = config
-            .faults()
-            .into_iter()
-            .map(|(key, message)| Problem {
-                position: position_of(text, &key),
-                message: format!("{key} {message}"),
-            })
-            .collect();
-        if list.is_empty() {
-            return Ok(config);
-        }
-        list.sort_by_key(|p| p.position);
-        Err(problems(list))
+        parse(text, source, Self::faults)
     }
 
     /// The noise level in use.
@@ -244,20 +225,40 @@ impl Config {
             ("high", &self.noise_levels.high),
         ];
         for (name, level) in levels {
-            let key = |field: &str| format!("noise_levels.{name}.{field}");
-            check.number(&key("ultrasonic"), level.ultrasonic, 0.0, 1.0);
-            check.number(&key("outlier_share"), level.outlier_share, 0.0, 1.0);
-            check.number(&key("outlier_size"), level.outlier_size, 0.0, 10.0);
-            let counts = f64::from(level.encoder_counts);
-            check.number(&key("encoder_counts"), counts, 2.0, 1e9);
-            check.number(&key("cart_force"), level.cart_force, 0.0, 1e3);
-            check.number(&key("cart_force_time"), level.cart_force_time, 1e-3, 1e3);
+            level.check(&format!("noise_levels.{name}"), &mut check);
         }
-        let o = &self.operator;
+        self.operator.check(self.rail.limit, &mut check);
+        self.hidden.check(&self.known, &self.rail, &mut check);
+        check.0
+    }
+}
+
+impl Noise {
+    /// Numbers outside of their domain, in the table `table`.
+    fn check(&self, table: &str, check: &mut Check) {
+        let key = |field: &str| format!("{table}.{field}");
+        check.number(&key("ultrasonic"), self.ultrasonic, 0.0, 1.0);
+        check.number(&key("outlier_share"), self.outlier_share, 0.0, 1.0);
+        check.number(&key("outlier_size"), self.outlier_size, 0.0, 10.0);
+        let counts = f64::from(self.encoder_counts);
+        check.number(&key("encoder_counts"), counts, 2.0, 1e9);
+        check.number(&key("cart_force"), self.cart_force, 0.0, 1e3);
+        check.number(&key("cart_force_time"), self.cart_force_time, 1e-3, 1e3);
+    }
+}
+
+impl Operator {
+    /// Numbers outside of their domain, where the cart's travel ends at ± `limit`, m.
+    fn check(&self, limit: f64, check: &mut Check) {
+        let o = self;
         check.range("operator.move_time", o.move_time, 0.02, 1e3);
         check.range("operator.move_length", o.move_length, 1e-6, 1e3);
         check.range("operator.dwell", o.dwell, 0.0, 1e3);
-        check.number("operator.reach", o.reach, 1e-3, self.rail.limit);
+        check.number("operator.reach", o.reach, 1e-3, limit);
+        check.number("operator.centre", o.centre, -limit, limit);
+        if let Some(hold) = o.hold {
+            check.range("operator.hold", hold, -2.0 * limit, 2.0 * limit);
+        }
         check.number("operator.stiffness", o.stiffness, 0.0, 1e6);
         check.number("operator.damping", o.damping, 0.0, 1e6);
         check.number("operator.mass", o.mass, 0.0, 1e6);
@@ -280,9 +281,48 @@ impl Config {
                 ),
             ));
         }
-        self.hidden.check(&self.known, &self.rail, &mut check);
-        check.0
     }
+}
+
+/// Reads settings from TOML and refuses numbers outside of their domain; `faults` gives each one's dotted key, and what is wrong.
+fn parse<T: DeserializeOwned>(
+    text: &str,
+    source: &str,
+    faults: impl Fn(&T) -> Vec<(String, String)>,
+) -> Result<T, ConfigError> {
+    let problems = |list| {
+        ConfigError::Problems(Problems {
+            source: source.to_owned(),
+            list,
+        })
+    };
+    let settings: T = toml::from_str(text).map_err(|error| {
+        let message = error.message().to_owned();
+        problems(vec![match error.span() {
+            Some(span) => Problem::at(Position::of(text, span.start), message),
+            None => Problem::general(message),
+        }])
+    })?;
+    let mut list: Vec<Problem> = faults(&settings)
+        .into_iter()
+        .map(|(key, message)| Problem {
+            position: position_of(text, &key),
+            message: format!("{key} {message}"),
+        })
+        .collect();
+    if list.is_empty() {
+        return Ok(settings);
+    }
+    list.sort_by_key(|p| p.position);
+    Err(problems(list))
+}
+
+/// The text of a settings file.
+fn read_text(path: &Path) -> Result<String, ConfigError> {
+    std::fs::read_to_string(path).map_err(|source| ConfigError::Io {
+        path: path.to_owned(),
+        source,
+    })
 }
 
 /// Collects faults.

@@ -7,6 +7,7 @@
 //! often it ends well.
 pub mod config;
 pub mod joints;
+pub mod paper;
 pub mod program;
 pub mod rig;
 pub mod score;

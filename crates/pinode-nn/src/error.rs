@@ -136,6 +136,25 @@ pub enum Error {
         /// Length asked for, s.
         horizon: f64,
     },
+    /// The equations of a model are not ones that a network can be trained in.
+    #[error(
+        "a network cannot be trained beside {what}: take it out of the model, or fit it by `pinode diagnose`"
+    )]
+    NotTrainable {
+        /// What it has.
+        what: &'static str,
+    },
+    /// What training is asked for makes no sense.
+    #[error("{0}")]
+    Training(String),
+    /// A checkpoint is of another training.
+    #[error("{} is of another training: {what}; train without --resume, or in another folder", path.display())]
+    Checkpoint {
+        /// The file.
+        path: PathBuf,
+        /// In what they differ.
+        what: String,
+    },
     /// A coordinate is a pose, and the work asked for takes one number a coordinate.
     #[error(
         "{work} takes coordinates of one measured number each, and `{coordinate}` is the pose of a body that floats: seven numbers \

@@ -33,13 +33,16 @@ pub mod effect;
 pub mod evaluate;
 pub mod free_run;
 pub mod hybrid;
+pub mod learnt;
 pub mod log;
 pub mod model;
 pub mod motion;
+pub mod network;
 #[cfg(feature = "cli")]
 pub mod report;
 pub mod shooting;
 pub mod smoothing;
+pub mod train;
 
 mod disk;
 mod entries;

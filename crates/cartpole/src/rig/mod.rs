@@ -45,7 +45,7 @@ use std::collections::VecDeque;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use crate::config::Config;
+use crate::config::{self, Config, Noise};
 use effects::{Drive, Effects};
 use noise::Coloured;
 use operator::Operator;
@@ -54,13 +54,14 @@ use sensors::{Sensors, backward_difference};
 use truth::{State, Truth};
 
 /// Random streams of one seed: what draws from one does not move the others.
-mod stream {
+pub(crate) mod stream {
     pub const DRAW: u64 = 0;
     pub const MOVES: u64 = 1;
     pub const TREMOR: u64 = 2;
     pub const CART_FORCE: u64 = 3;
     pub const SENSORS: u64 = 4;
     pub const SCENE: u64 = 5;
+    pub const SWING: u64 = 6;
 }
 
 /// The disturbing force on the cart changes this often, s.
@@ -97,81 +98,126 @@ fn run_effects<P: Plant>(
     effects: Effects,
     seed: u64,
 ) -> Result<(Recording, Vec<State>), Error> {
-    let random = |stream| {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(stream);
-        rng
-    };
     // Hidden stops are nobody's to hear.
     let heard = effects.rail.is_none();
-    let effects = Effects {
-        rail: effects.rail.or(Some(config.rail)),
-        ..effects
+    let run = Run {
+        effects: Effects {
+            rail: effects.rail.or(Some(config.rail)),
+            ..effects
+        },
+        noise: config.noise(),
+        rate: config.rate,
+        truth_step: config.truth_step,
+        rows: (config.duration * config.rate).round().max(1.0) as usize,
+        seed,
     };
-    let noise = config.noise();
-    let interval = 1.0 / config.rate;
-    let mut operator = Operator::new(
-        config.operator,
-        interval,
-        random(stream::MOVES),
-        random(stream::TREMOR),
-    );
-    let pieces = (interval / DISTURBANCE_INTERVAL * (1.0 - 1e-9))
-        .ceil()
-        .max(1.0);
-    let mut disturbance = Coloured::new(
-        random(stream::CART_FORCE),
-        noise.cart_force,
-        noise.cart_force_time,
-        interval / pieces,
-    );
-    let mut sensors = Sensors::new(*noise, random(stream::SENSORS));
-    let mut rig = Truth::new(plant, effects, config.truth_step, State::HANGING);
-
-    let rows = (config.duration * config.rate).round().max(1.0) as usize;
-    let mut recording = Recording::default();
-    let mut states = Vec::with_capacity(rows);
-    // It was at rest before the first row.
-    let faults = effects.sensors;
-    let mut late =
-        [0, 1].map(|joint| Late::new(faults.delay[joint], interval, rig.state().q[joint]));
-    let mut before = sensors.measure(faults.read(rig.state().q));
-    for k in 0..rows {
-        let state = rig.state();
-        let time = k as f64 / config.rate;
-        let mut seen = state.q;
-        for (seen, late) in seen.iter_mut().zip(&mut late) {
-            *seen = late.next().unwrap_or(*seen);
-        }
-        let measured = sensors.measure(faults.read(seen));
-        let velocity = backward_difference(before, measured, interval);
-        before = measured;
-        states.push(state);
-        recording.t.push(time);
-        for joint in 0..2 {
-            recording.q[joint].push(measured[joint]);
-            recording.v[joint].push(velocity[joint]);
-        }
-        recording.u.push(operator.command(state));
-        let arriving = arriving(&effects.drive, &recording.u, interval);
-        advance(
-            &mut rig,
-            arriving,
-            interval,
-            pieces as usize,
-            &mut disturbance,
-            &mut late,
-        )?;
-    }
-    if heard {
-        recording.blows = rig.blows().to_vec();
+    let mut operator = run.operator(config.operator);
+    let mut states = Vec::with_capacity(run.rows);
+    let mut recording = run.record(plant, |rig, _| {
+        states.push(rig.state());
+        operator.command(rig.state())
+    })?;
+    if !heard {
+        recording.blows.clear();
     }
     Ok((recording, states))
 }
 
+/// What a recording is made of beside the plant and the hand.
+pub(crate) struct Run<'a> {
+    /// What acts on the rig.
+    pub effects: Effects,
+    /// Sensors and disturbances.
+    pub noise: &'a Noise,
+    /// Rows a second, Hz.
+    pub rate: f64,
+    /// Longest step of the integrator, s.
+    pub truth_step: f64,
+    /// Length of the recording.
+    pub rows: usize,
+    /// Of everything random.
+    pub seed: u64,
+}
+
+impl Run<'_> {
+    /// A random stream of the seed.
+    pub fn random(&self, stream: u64) -> ChaCha8Rng {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        rng.set_stream(stream);
+        rng
+    }
+
+    /// The hand that makes random moves.
+    pub fn operator(&self, settings: config::Operator) -> Operator {
+        Operator::new(
+            settings,
+            1.0 / self.rate,
+            self.random(stream::MOVES),
+            self.random(stream::TREMOR),
+        )
+    }
+
+    /// The rig from rest under the force, N, that `hand` asks for at the beginning of each row, where it sees the rig and the
+    /// inputs before, N.
+    pub fn record<P: Plant>(
+        &self,
+        plant: P,
+        mut hand: impl FnMut(&Truth<P>, &[f64]) -> f64,
+    ) -> Result<Recording, Error> {
+        let interval = 1.0 / self.rate;
+        let pieces = (interval / DISTURBANCE_INTERVAL * (1.0 - 1e-9))
+            .ceil()
+            .max(1.0);
+        let mut disturbance = Coloured::new(
+            self.random(stream::CART_FORCE),
+            self.noise.cart_force,
+            self.noise.cart_force_time,
+            interval / pieces,
+        );
+        let mut sensors = Sensors::new(*self.noise, self.random(stream::SENSORS));
+        let mut rig = Truth::new(plant, self.effects, self.truth_step, State::HANGING);
+
+        let mut recording = Recording::default();
+        // It was at rest before the first row.
+        let faults = self.effects.sensors;
+        let mut late =
+            [0, 1].map(|joint| Late::new(faults.delay[joint], interval, rig.state().q[joint]));
+        let mut before = sensors.measure(faults.read(rig.state().q));
+        for k in 0..self.rows {
+            let state = rig.state();
+            let time = k as f64 / self.rate;
+            let mut seen = state.q;
+            for (seen, late) in seen.iter_mut().zip(&mut late) {
+                *seen = late.next().unwrap_or(*seen);
+            }
+            let measured = sensors.measure(faults.read(seen));
+            let velocity = backward_difference(before, measured, interval);
+            before = measured;
+            recording.t.push(time);
+            for joint in 0..2 {
+                recording.q[joint].push(measured[joint]);
+                recording.v[joint].push(velocity[joint]);
+            }
+            let command = hand(&rig, &recording.u);
+            recording.u.push(command);
+            let arriving = arriving(&self.effects.drive, &recording.u, interval);
+            advance(
+                &mut rig,
+                arriving,
+                interval,
+                pieces as usize,
+                &mut disturbance,
+                &mut late,
+            )?;
+        }
+        recording.blows = rig.blows().to_vec();
+        Ok(recording)
+    }
+}
+
 /// What arrives at the cart in the interval that has just begun, of the inputs `u` so far, the last of them for this interval:
 /// the force until the switch, N, the time of the switch, s, and the force after it.
-fn arriving(drive: &Drive, u: &[f64], interval: f64) -> (f64, f64, f64) {
+pub(crate) fn arriving(drive: &Drive, u: &[f64], interval: f64) -> (f64, f64, f64) {
     let late = drive.delay / interval;
     let whole = late.floor();
     let input = |back: usize| {

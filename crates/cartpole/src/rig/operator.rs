@@ -3,7 +3,8 @@
 //! A move goes from one place to another by the minimum-jerk law x(s) = x₀ + L (10 s³ − 15 s⁴ + 6 s⁵), s = t/T; its time, length and
 //! side and the rest after it are random. The hand sees the true cart, drags it along with a spring and a damper,
 //! F = k (x_ref − x) + d (ẋ_ref − ẋ) + m ẍ_ref, and trembles. Where
-//! the cart is about to leave the hand's reach, x + ẋ t_f beyond ± the reach, it is held back by k_g times the excess. The force is commanded once a sample, in steps.
+//! the cart is about to leave the hand's reach, x + ẋ t_f beyond ± the reach (or beyond other bounds, where the settings give some), it is
+//! held back by k_g times the excess. The force is commanded once a sample, in steps.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -21,6 +22,7 @@ pub struct Operator {
     tremor: Coloured,
     time: f64,
     current: Move,
+    made: usize,
 }
 
 /// One move: from `start` s on, from `from` m by `length` m in `duration` s, then rest until `end` s.
@@ -68,24 +70,44 @@ impl Operator {
                 end: moves.random_range(from..=to),
             },
             moves,
+            made: 0,
         }
     }
 
     /// The force for the next interval, N, at the true state; time moves on.
     pub fn command(&mut self, state: State) -> f64 {
+        let force = self.wish(state);
+        self.in_steps(force)
+    }
+
+    /// How many moves have begun.
+    pub fn moves(&self) -> usize {
+        self.made
+    }
+
+    /// The force for the next interval before it is limited and comes in steps, N; time moves on.
+    pub(crate) fn wish(&mut self, state: State) -> f64 {
         while self.time >= self.current.end {
             self.current = self.next_move();
+            self.made += 1;
         }
         let s = &self.settings;
         let [x, x_dot, x_ddot] = self.current.at(self.time);
+        let at = state.q[0] - s.centre;
         // Where the cart is about to be, beyond the reach: there the hand holds against it.
-        let ahead = state.q[0] + s.foresight * state.v[0];
-        let excess = ahead - ahead.clamp(-s.reach, s.reach);
-        let force =
-            s.stiffness * (x - state.q[0]) + s.damping * (x_dot - state.v[0]) + s.mass * x_ddot
-                - s.guard * excess
-                + self.tremor.next();
+        let [left, right] = s.hold.unwrap_or([-s.reach, s.reach]);
+        let ahead = at + s.foresight * state.v[0];
+        let excess = ahead - ahead.clamp(left, right);
+        let force = s.stiffness * (x - at) + s.damping * (x_dot - state.v[0]) + s.mass * x_ddot
+            - s.guard * excess
+            + self.tremor.next();
         self.time += self.interval;
+        force
+    }
+
+    /// What is commanded where this force is wished for, N.
+    pub(crate) fn in_steps(&self, force: f64) -> f64 {
+        let s = &self.settings;
         let force = force.clamp(-s.limit, s.limit);
         (force / s.resolution).round() * s.resolution
     }

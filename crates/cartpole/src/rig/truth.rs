@@ -290,6 +290,18 @@ impl<P: Plant> Truth<P> {
         }
     }
 
+    /// With the motor at another place, m, and speed, m/s; nothing where nothing is between it and the cart.
+    pub fn with_motor(mut self, place: f64, speed: f64) -> Self {
+        let Layout {
+            motor, coordinates, ..
+        } = self.smooth.layout;
+        if let Some(motor) = motor {
+            self.x[motor] = place;
+            self.x[coordinates + motor] = speed;
+        }
+        self
+    }
+
     /// Where cart and pole are.
     pub fn state(&self) -> State {
         let (q, v) = self.x.split_at(self.x.len() / 2);

@@ -14,6 +14,7 @@ mod progress;
 mod simulate;
 mod stepping;
 mod summary;
+mod train;
 pub mod workflow;
 
 use std::process::ExitCode;
@@ -64,6 +65,8 @@ enum Command {
     Simulate(simulate::Arguments),
     /// Free-run errors over many windows of logs, per coordinate
     Evaluate(evaluate::Arguments),
+    /// Learn a part of Q that no effect explains: a network, trained through the integrator
+    Train(Box<train::Arguments>),
     /// Name the physics that the model is missing, add it, and show the gap shrink on data that no fit has seen
     Diagnose(diagnose::Arguments),
 }
@@ -110,6 +113,7 @@ fn execute(command: Command, seed: u64, output: &Output) -> Result<(), Error> {
         Command::Equations(arguments) => equations::run(&arguments, output),
         Command::Simulate(arguments) => simulate::run(&arguments, output),
         Command::Evaluate(arguments) => evaluate::run(&arguments, output),
+        Command::Train(arguments) => train::run(&arguments, seed, output),
         Command::Diagnose(arguments) => diagnose::run(&arguments, seed, output),
     }
 }

@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::extra::{ExtraMemory, RowMemory};
 use super::forces::{By, Of};
+use super::networks::NetworkMemory;
 use super::{DrivenInputs, Hybrid, State};
 use crate::effect::MemoryDerivatives;
 use crate::motion::Momenta;
@@ -35,6 +36,7 @@ impl Hybrid {
             with_memory: Box::default(),
             gradient: ForwardDynamicsGradient::zeros(n, self.mechanics_range().len()),
             momenta: Momenta::new(n),
+            networks: self.network_memory(),
         }
     }
 
@@ -167,7 +169,7 @@ impl Hybrid {
         let linear = &mut memory.linear;
         let rooms = (memory.by_parameter.as_mut_slice(), &mut *memory.with_memory);
         let at = (state, theta, inputs, step);
-        self.each_part(at, &memory.driven, rooms, |of, by, derivative| {
+        let mut enter = |of, by, derivative: f64| {
             let column = match by {
                 By::Value => None,
                 By::Position(i) => Some(i),
@@ -180,7 +182,9 @@ impl Hybrid {
                 (Of::Rate(k), Some(column)) => linear[(n + k, column)] += derivative,
                 (_, None) => {}
             }
-        });
+        };
+        self.each_part(at, &memory.driven, rooms, &mut enter);
+        self.network_parts(inputs, step, &mut memory.networks, enter);
         // ∂v̇/∂p = −M⁻¹ ∂ID/∂p.
         if let (Some(added), Some(room)) = (&self.extra, &memory.extra) {
             for (&index, by_slot) in added.parameters.iter().zip(room.by_slot.column_iter()) {
@@ -262,7 +266,7 @@ impl Hybrid {
         }
         let rooms = (memory.by_parameter.as_mut_slice(), &mut *memory.with_memory);
         let at = (state, theta, inputs, step);
-        self.each_part(at, &memory.driven, rooms, |of, in_what, derivative| {
+        let mut enter = |of, in_what, derivative: f64| {
             let weight = match of {
                 Of::Force(i) => by.by_force[i],
                 Of::Rate(k) => of_h[k],
@@ -275,7 +279,9 @@ impl Hybrid {
                 By::State(k) => by_h[k] += weight * derivative,
                 By::Constant(index) => add_to_theta(index, weight * derivative),
             }
-        });
+        };
+        self.each_part(at, &memory.driven, rooms, &mut enter);
+        self.network_parts(inputs, step, &mut memory.networks, enter);
         for (to, by) in [(by_q, &by.by_q), (by_v, &by.by_v)] {
             for (to, by) in to.iter_mut().zip(by.iter()) {
                 *to += by;
@@ -312,6 +318,7 @@ pub struct Memory {
     pub(super) with_memory: Box<MemoryDerivatives>,
     gradient: ForwardDynamicsGradient,
     pub(super) momenta: Momenta,
+    pub(super) networks: NetworkMemory,
 }
 
 impl Memory {

@@ -5,6 +5,7 @@ use pulp::{Arch, NullaryFnOnce};
 
 use super::extra::ExtraMemory;
 use super::forces::{By, Of};
+use super::networks::NetworkMemory;
 use super::{DrivenInputs, Hybrid, Placed};
 use crate::effect::{Action, JointForce, MemoryDerivatives, Seen};
 use crate::entries::Start;
@@ -28,6 +29,9 @@ pub(crate) struct EightMemory {
     selected: Vec<usize>,
     /// Forces of the inputs that act on the coordinates themselves.
     driven: Vec<Lane>,
+    /// A force that the caller adds to Q, nv entries; its own derivatives are the caller's.
+    pub added: Vec<Lane>,
+    networks: NetworkMemory,
     with_memory: Box<MemoryDerivatives<Lane>>,
     /// For every entry of θ its column among (q, v, h, θ_free).
     columns: Vec<Option<usize>>,
@@ -68,6 +72,8 @@ impl Hybrid {
         EightMemory {
             work: self.mechanics.workspace(),
             driven: zeros(n),
+            added: zeros(n),
+            networks: self.network_memory(),
             with_memory: Box::default(),
             columns: (0..self.constants.len()).map(place).collect(),
             force: zeros(n),
@@ -98,6 +104,8 @@ impl Hybrid {
             work,
             selected,
             driven,
+            added,
+            networks,
             with_memory,
             columns,
             force,
@@ -118,7 +126,19 @@ impl Hybrid {
                 forces[column * n + v][lane] += derivative;
             }
         });
-        force.copy_from_slice(driven);
+        sums(force, driven, added);
+        self.network_parts_of_eight(x, at, networks, |v, by, part| {
+            let column = match by {
+                By::Value => return add(&mut force[v], part),
+                By::Position(i) => Some(i),
+                By::Velocity(i) => Some(n + i),
+                By::State(k) => Some(2 * n + k),
+                By::Constant(index) => columns[index],
+            };
+            if let Some(column) = column {
+                add(&mut forces[column * n + v], part);
+            }
+        });
         for (index, effect) in self.effects.iter().enumerate() {
             if let Action::Joint(law) = effect.kind.action {
                 let range = self.ranges[index].clone();
@@ -179,12 +199,12 @@ impl Hybrid {
         let (q, v) = (&x[..nq], &x[nq..nq + n]);
         let p = &theta[self.mechanics_range()];
         match (&self.extra, extra) {
-            (Some(added), Some(room)) => {
+            (Some(changes), Some(room)) => {
                 let whole = (&*self.mechanics, p);
-                added.derivatives(whole, (q, v), theta, force, selected, work, room, by)?;
+                changes.derivatives(whole, (q, v), theta, force, selected, work, room, by)?;
                 // ∂v̇/∂p = −M⁻¹ ∂ID/∂p.
                 let slots = room.by_slot.as_slice().chunks_exact(n);
-                for (&index, by_slot) in added.parameters.iter().zip(slots) {
+                for (&index, by_slot) in changes.parameters.iter().zip(slots) {
                     if let Some(column) = columns[index] {
                         for (to, from) in forces[column * n..].iter_mut().zip(by_slot) {
                             to.iter_mut().zip(from).for_each(|(to, from)| *to -= from);
@@ -230,6 +250,8 @@ impl Hybrid {
         let EightMemory {
             work,
             driven,
+            added,
+            networks,
             with_memory,
             extra,
             rates,
@@ -239,7 +261,8 @@ impl Hybrid {
         found.fill([0.0; LANES]);
         self.drive_eight(at, driven, |_, _, _, _| {});
         let (force, hidden) = rates.split_at_mut(n);
-        force.copy_from_slice(driven);
+        sums(force, driven, added);
+        self.add_networks_of_eight(x, at, networks, force);
         hidden.fill([0.0; LANES]);
         for (index, effect) in self.effects.iter().enumerate() {
             let p = &theta[self.ranges[index].clone()];
@@ -269,8 +292,8 @@ impl Hybrid {
         let (q, v) = (&x[..nq], &x[nq..nq + n]);
         let (p, out) = (&theta[self.mechanics_range()], force);
         match (&self.extra, extra) {
-            (Some(added), Some(room)) => {
-                added.forward_dynamics((&*self.mechanics, p), (q, v), theta, work, room, out)
+            (Some(changes), Some(room)) => {
+                changes.forward_dynamics((&*self.mechanics, p), (q, v), theta, work, room, out)
             }
             _ => self
                 .mechanics
@@ -339,6 +362,14 @@ impl Hybrid {
             h: &x[self.nq() + self.nv()..][self.state_ranges[index].clone()],
         };
         (start, seen)
+    }
+}
+
+/// to = a + b.
+fn sums(to: &mut [Lane], a: &[Lane], b: &[Lane]) {
+    to.copy_from_slice(a);
+    for (to, b) in to.iter_mut().zip(b) {
+        add(to, b);
     }
 }
 

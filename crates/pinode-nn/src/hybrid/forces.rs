@@ -86,10 +86,12 @@ impl Hybrid {
             acceleration,
             driven,
             rates,
+            networks,
             ..
         } = memory;
         self.drive_directly(inputs, step, driven);
         acceleration.copy_from(driven);
+        self.add_networks(state, inputs, step, networks, acceleration.as_mut_slice());
         for (index, effect) in self.effects.iter().enumerate() {
             let p = &theta[self.ranges[index].clone()];
             let smoothing = effect.smoothing;

@@ -2,7 +2,7 @@
 //!
 //! M(q) v̇ = Σ_i B_i g_i ū_i + Σ_e Q_e(q, v, f, h; p_e) − C(q, v) v − G(q),  ḣ = Σ_e rate_e(q, v, f, h; p_e)
 //!
-//! ū_i is input i after the drive effects on it, g_i its gain, B_i picks its coordinate, f = g ū; Q_e are the effects that are forces, h
+//! To Q come the networks of the model, as functions of (q, v, f). ū_i is input i after the drive effects on it, g_i its gain, B_i picks its coordinate, f = g ū; Q_e are the effects that are forces, h
 //! the states of those with a memory. A state of the model is x = (q, v, h), h effect after effect.
 //! M, C and G are those of the mechanics and of the effects that change it, see [`Inertial`].
 //! What can be estimated is one vector θ of [`Constant`]s: the constants of the mechanics, the input gains, the zeros of the
@@ -16,6 +16,7 @@ mod forces;
 mod hidden;
 mod jumps;
 mod motion;
+mod networks;
 mod reading;
 
 use std::ops::Range;
@@ -27,6 +28,7 @@ use lagrange::{LANES, Mechanics, Role};
 
 use crate::effect::{Action, ActsOn, Between, Grid, Inertial, Kind, Signal, default_smoothing};
 use crate::entries::{Start, starts};
+use crate::learnt::LearntForce;
 use crate::model::{Model, Target};
 use crate::motion::Positions;
 
@@ -114,8 +116,10 @@ pub struct Hybrid {
     ranges: Vec<Range<usize>>,
     /// Where the states of each effect lie in h.
     state_ranges: Vec<Range<usize>>,
-    /// Whether a transmission stands between an input and its joint.
+    /// Whether an input does not act on its joint itself: a transmission stands between, or a network for all of Q.
     carried: Vec<bool>,
+    /// What was learnt of Q.
+    networks: Vec<Arc<LearntForce>>,
     constants: Vec<Constant>,
     /// The mechanisms that effects add, of a model made of rigid bodies.
     variants: Option<Arc<Variants>>,
@@ -205,6 +209,9 @@ impl Hybrid {
             };
             hybrid.add(placed, &entry.values, entry.fixed);
         }
+        for entry in &model.networks {
+            hybrid.add_network(entry.force.clone());
+        }
         hybrid
     }
 
@@ -290,6 +297,7 @@ impl Hybrid {
             },
             mechanics,
             carried: vec![false; input_coordinates.len()],
+            networks: Vec::new(),
             between: vec![Between::Held; input_coordinates.len()],
             input_coordinates,
             effects: Vec::new(),
@@ -338,6 +346,32 @@ impl Hybrid {
         }
     }
 
+    /// Adds a learnt force.
+    pub fn add_network(&mut self, force: Arc<LearntForce>) {
+        if force.is_alone() {
+            let joints: Vec<usize> = force.outputs().iter().map(|o| o.coordinate).collect();
+            self.leave_to_network(&joints);
+        }
+        self.networks.push(force);
+    }
+
+    /// Inputs of these coordinates do not act by themselves any more: a network stands for all of Q there.
+    pub(crate) fn leave_to_network(&mut self, coordinates: &[usize]) {
+        for (carried, own) in self.carried.iter_mut().zip(&self.input_coordinates) {
+            *carried |= coordinates.contains(own);
+        }
+    }
+
+    /// Where a coordinate starts in q and in v.
+    pub(crate) fn start_of(&self, coordinate: usize) -> Start {
+        self.starts[coordinate]
+    }
+
+    /// What was learnt of Q.
+    pub fn networks(&self) -> &[Arc<LearntForce>] {
+        &self.networks
+    }
+
     /// The model without effect `index`; the later ones move up.
     pub fn without(&self, index: usize) -> Self {
         let mut rest = Hybrid {
@@ -345,6 +379,7 @@ impl Hybrid {
             ranges: Vec::new(),
             state_ranges: Vec::new(),
             carried: vec![false; self.carried.len()],
+            networks: Vec::new(),
             space: Product {
                 second: Flat::new(0),
                 ..self.space.clone()
@@ -360,6 +395,9 @@ impl Hybrid {
                 let fixed = own.iter().all(|c| c.tolerance == 0.0);
                 rest.add(*effect, &values, fixed);
             }
+        }
+        for network in &self.networks {
+            rest.add_network(network.clone());
         }
         rest
     }

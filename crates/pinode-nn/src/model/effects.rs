@@ -5,13 +5,11 @@ use nalgebra::{Cholesky, DMatrix};
 
 use super::document::{Faults, Placed, Section};
 use super::mechanism::{JointFriction, Mechanism, find_coordinate};
+use super::networks;
 use super::{EffectEntry, Input, Target};
 use crate::effect::{ActsOn, Inertial, Kind, Misplaced, RigidStop, registry};
 use crate::entries::starts;
 use crate::naming::{hint, nearest, quoted};
-
-/// Kinds of the file format that this version cannot compute.
-const RESERVED: &[&str] = &["neural_network"];
 
 /// The `[[effect]]` tables, each with its byte offset.
 pub(super) fn read(
@@ -25,7 +23,8 @@ pub(super) fn read(
         Target::Link(link) => mechanism?.tree.as_ref()?.links().get(link)?.body,
         _ => None,
     };
-    for table in root.sections("effect", faults) {
+    let tables = root.sections("effect", faults);
+    for table in tables.into_iter().filter(|t| !networks::is_network(t)) {
         let Some(effect) = read_one(&table, mechanism, inputs, faults) else {
             continue;
         };
@@ -313,20 +312,12 @@ fn read_kind(table: &Section, faults: &mut Faults) -> Option<&'static Kind> {
     if found.is_none() {
         let kinds = registry::all();
         let names = || kinds.iter().map(|kind| kind.name);
-        let message = if RESERVED.contains(&name.value) {
-            let all: Vec<&str> = names().collect();
-            format!(
-                "{} is a known kind of effect that this version does not support; supported: {}",
-                quoted(name.value),
-                all.join(", ")
-            )
-        } else {
-            format!(
-                "unknown kind of effect {}; nearest: {}",
-                quoted(name.value),
-                quoted(nearest(name.value, names()).unwrap_or(""))
-            )
-        };
+        let names = names().chain([networks::KIND]);
+        let message = format!(
+            "unknown kind of effect {}; nearest: {}",
+            quoted(name.value),
+            quoted(nearest(name.value, names).unwrap_or(""))
+        );
         faults.at(name.offset(), message);
     }
     found

@@ -10,7 +10,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::document::{Faults, Section, mismatch};
 use super::mechanism::{self, Mechanism, find_coordinate};
-use super::{Input, Model, effects, massless, sensor, tolerance};
+use super::{Input, Model, effects, massless, networks, sensor, tolerance};
 use crate::Error;
 use crate::effect::Between;
 use crate::log::{ColumnMap, Mapping};
@@ -102,6 +102,7 @@ pub(super) fn parse(path: &Path, text: String, strict: bool) -> Result<Model, Er
     let inputs = inputs(&root, mechanism.as_ref(), &mut faults);
     let named: Vec<Input> = inputs.iter().map(|(input, _)| input.clone()).collect();
     let mut entries = effects::read(&root, mechanism.as_ref(), &named, &mut faults);
+    let networks = networks::read(&root, path, mechanism.as_ref(), &named, &mut faults);
     let sensors = sensor::read(&root, mechanism.as_ref(), &mut faults);
     let tolerance = tolerance::read(&root, mechanism.as_ref(), &mut faults);
     let parameter_values = tolerance::parameter_values(&root, mechanics, &mut faults);
@@ -138,6 +139,7 @@ pub(super) fn parse(path: &Path, text: String, strict: bool) -> Result<Model, Er
         parameter_values,
         inputs: named,
         effects: entries.into_iter().map(|(_, entry)| entry).collect(),
+        networks,
         sensors,
         tolerance,
         columns,

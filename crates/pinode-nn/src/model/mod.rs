@@ -60,6 +60,9 @@
 //! or an `[[effect]]` of the same kind sits on the same joint. Its `<limit>`s do not become stops: a rail that ends has an `[[effect]]`
 //! of the kind `end_stop` with `stiffness` and `damping`, and `lower`, `upper` or both; a side that is left out is open.
 //!
+//! A learnt force is an `[[effect]]` of the kind `neural_network` with `weights`, a file that `pinode train` writes, and the `joints` that it
+//! was trained for.
+//!
 //! An `added_mass` sits on a link of a URDF, `link = "pole"`, and is a point mass at the centre of mass of all that is welded to it.
 //!
 //! `joint`, `[sensor.…]`, `zero` and the columns of a log name coordinates: a joint with one coordinate gives it its name, a planar
@@ -72,6 +75,7 @@ mod effects;
 mod file;
 mod massless;
 mod mechanism;
+mod networks;
 mod sensor;
 mod tolerance;
 mod write;
@@ -84,9 +88,10 @@ use lagrange::mechanism::Tree;
 use lagrange::{Mechanics, Problems};
 
 pub use constraints::ConstraintEntry;
+pub use networks::NetworkEntry;
 pub use sensor::{Sensor, Velocity};
 pub use tolerance::Tolerance;
-pub use write::Revision;
+pub use write::{NewNetwork, Revision};
 
 use crate::Error;
 use crate::effect::{Between, Kind};
@@ -111,6 +116,8 @@ pub struct Model {
     pub inputs: Vec<Input>,
     /// Everything that makes Q beside the inputs; the URDF's friction first.
     pub effects: Vec<EffectEntry>,
+    /// What was learnt of Q.
+    pub networks: Vec<NetworkEntry>,
     /// One per coordinate; that of a pose says nothing.
     pub sensors: Vec<Sensor>,
     /// How well the rest is known.
@@ -163,11 +170,14 @@ pub enum Target {
 }
 
 impl Model {
-    /// SHA-256 of the model file and its URDF, hexadecimal.
+    /// SHA-256 of the model file, its URDF and the weights of its networks, hexadecimal.
     pub fn sha256(&self) -> String {
         let urdf = self.urdf.as_ref().map_or("", |urdf| urdf.text.as_str());
         // The length tells where the one ends and the other begins.
-        let all = format!("{}\n{}{urdf}", self.text.len(), self.text);
+        let mut all = format!("{}\n{}{urdf}", self.text.len(), self.text);
+        for network in &self.networks {
+            all.push_str(&network.sha256);
+        }
         crate::disk::sha256(all.as_bytes())
     }
 
@@ -254,6 +264,7 @@ impl fmt::Debug for Model {
             .field("parameter_values", &self.parameter_values)
             .field("inputs", &self.inputs)
             .field("effects", &self.effects)
+            .field("networks", &self.networks)
             .field("sensors", &self.sensors)
             .field("tolerance", &self.tolerance)
             .field("columns", &self.columns)

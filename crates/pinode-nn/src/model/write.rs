@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use lagrange::{Problem, Problems, Role};
 use toml_edit::{ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
-use super::{EffectEntry, Model, Target};
+use super::{EffectEntry, Model, Target, networks};
 use crate::Error;
 use crate::disk::write_atomically;
 use crate::effect::{LeftOut, ParameterSpec};
@@ -22,6 +22,19 @@ pub struct Revision {
     pub gains: Vec<f64>,
     /// In place of the sensors' zeros.
     pub zeros: Vec<f64>,
+    /// A learnt force that comes to those of the model.
+    pub network: Option<NewNetwork>,
+}
+
+/// A learnt force that is new in a model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NewNetwork {
+    /// The file of its weights, beside the model.
+    pub weights: String,
+    /// The joints that it acts on.
+    pub joints: Vec<String>,
+    /// Where it comes from.
+    pub comment: String,
 }
 
 impl Revision {
@@ -36,6 +49,7 @@ impl Revision {
             parameter_values: model.parameter_values.clone(),
             gains: model.inputs.iter().map(|input| input.gain).collect(),
             zeros: model.sensors.iter().map(|sensor| sensor.zero).collect(),
+            network: None,
         }
     }
 }
@@ -70,12 +84,34 @@ impl Model {
             })
         })?;
         if let Some(urdf) = &self.urdf {
-            let name = copy_urdf(&urdf.path, &urdf.text, dir)?;
+            let name = copy_beside(&urdf.path, urdf.text.as_bytes(), dir)?;
             set(document.as_table_mut(), "urdf", Value::from(name));
         }
+        self.copy_weights(&mut document, dir)?;
         self.revise(&mut document, revision);
+        if let Some(network) = &revision.network {
+            add_network(&mut document, network);
+        }
         write_atomically(&path, document.to_string().as_bytes())?;
         Ok(path)
+    }
+
+    /// Puts the weights of the networks into `dir`.
+    fn copy_weights(&self, document: &mut DocumentMut, dir: &Path) -> Result<(), Error> {
+        if self.networks.is_empty() {
+            return Ok(());
+        }
+        let Some(tables) = array_of_tables(document, "effect") else {
+            return Ok(());
+        };
+        let own =
+            |table: &&mut Table| table.get("kind").and_then(Item::as_str) == Some(networks::KIND);
+        for (table, network) in tables.iter_mut().filter(own).zip(&self.networks) {
+            let bytes = std::fs::read(&network.path).map_err(|e| Error::io(&network.path, e))?;
+            let name = copy_beside(&network.path, &bytes, dir)?;
+            set(table, "weights", Value::from(name));
+        }
+        Ok(())
     }
 
     fn check(&self, revision: &Revision) -> Result<(), Error> {
@@ -212,7 +248,7 @@ impl Model {
         };
         tables.retain(|table| {
             let key = target_of(table);
-            effects.iter().any(|(entry, _)| key_of(entry) == key)
+            key.0 == networks::KIND || effects.iter().any(|(entry, _)| key_of(entry) == key)
         });
         for (entry, comment) in effects {
             let key = key_of(entry);
@@ -220,14 +256,7 @@ impl Model {
             match existing {
                 Some(table) => fill(table, entry),
                 None => {
-                    let mut table = Table::new();
-                    let mut prefix = String::from("\n");
-                    for line in comment.lines() {
-                        prefix.push_str("# ");
-                        prefix.extend(line.chars().filter(|c| !c.is_control()));
-                        prefix.push('\n');
-                    }
-                    table.decor_mut().set_prefix(prefix);
+                    let mut table = commented(comment);
                     set(&mut table, "kind", Value::from(entry.kind.name));
                     let target_key = match entry.target {
                         Target::Coordinate(_) => "joint",
@@ -252,8 +281,33 @@ impl Model {
             Some(Item::Value(Value::Array(array))) => array.len(),
             _ => 0,
         };
-        self.effects.len() > written
+        self.effects.len() + self.networks.len() > written
     }
+}
+
+fn add_network(document: &mut DocumentMut, network: &NewNetwork) {
+    let Some(tables) = array_of_tables(document, "effect") else {
+        return;
+    };
+    let mut table = commented(&network.comment);
+    set(&mut table, "kind", Value::from(networks::KIND));
+    set(&mut table, "weights", Value::from(network.weights.clone()));
+    let joints: toml_edit::Array = network.joints.iter().map(String::as_str).collect();
+    set(&mut table, "joints", Value::Array(joints));
+    tables.push(table);
+}
+
+/// A table that begins with a comment.
+fn commented(comment: &str) -> Table {
+    let mut prefix = String::from("\n");
+    for line in comment.lines() {
+        prefix.push_str("# ");
+        prefix.extend(line.chars().filter(|c| !c.is_control()));
+        prefix.push('\n');
+    }
+    let mut table = Table::new();
+    table.decor_mut().set_prefix(prefix);
+    table
 }
 
 /// Writes the numbers of `entry`.
@@ -341,32 +395,34 @@ fn array_of_tables<'a>(document: &'a mut DocumentMut, key: &str) -> Option<&'a m
     item.as_array_of_tables_mut()
 }
 
-/// Puts the URDF into `dir` and returns its name there.
-fn copy_urdf(path: &Path, text: &str, dir: &Path) -> Result<String, Error> {
-    let name_of = |part: Option<&std::ffi::OsStr>| {
+/// Puts what stands at `path` into `dir` and returns its name there.
+fn copy_beside(path: &Path, bytes: &[u8], dir: &Path) -> Result<String, Error> {
+    let part = |part: Option<&std::ffi::OsStr>| {
         part.map_or("robot".into(), |p| p.to_string_lossy().into_owned())
     };
-    let name = name_of(path.file_name());
-    if holds(&dir.join(&name), text)? {
+    let name = part(path.file_name());
+    if holds(&dir.join(&name), bytes)? {
         return Ok(name);
     }
     if !dir.join(&name).exists() {
-        write_atomically(&dir.join(&name), text.as_bytes())?;
+        write_atomically(&dir.join(&name), bytes)?;
         return Ok(name);
     }
-    let hash = crate::disk::sha256(text.as_bytes());
+    let hash = crate::disk::sha256(bytes);
     let short = hash.get(..12).unwrap_or(&hash);
-    let name = format!("{}-{short}.urdf", name_of(path.file_stem()));
-    if !holds(&dir.join(&name), text)? {
-        write_atomically(&dir.join(&name), text.as_bytes())?;
+    let (stem, ending) = (part(path.file_stem()), path.extension());
+    let ending = ending.map_or("urdf".into(), |e| e.to_string_lossy().into_owned());
+    let name = format!("{stem}-{short}.{ending}");
+    if !holds(&dir.join(&name), bytes)? {
+        write_atomically(&dir.join(&name), bytes)?;
     }
     Ok(name)
 }
 
-/// Whether the file at `path` is there and holds `text`.
-fn holds(path: &Path, text: &str) -> Result<bool, Error> {
+/// Whether the file at `path` is there and holds `bytes`.
+fn holds(path: &Path, expected: &[u8]) -> Result<bool, Error> {
     match std::fs::read(path) {
-        Ok(bytes) => Ok(bytes == text.as_bytes()),
+        Ok(bytes) => Ok(bytes == expected),
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(false),
         Err(e) => Err(Error::io(path, e)),
     }

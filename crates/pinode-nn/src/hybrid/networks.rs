@@ -1,0 +1,128 @@
+//! What the networks of a model add to Q, and their derivatives.
+
+use lagrange::LANES;
+
+use super::forces::{By, Of};
+use super::{DrivenInputs, Eight, Hybrid, Lane, State};
+use crate::learnt::{Room, Seen, Sight};
+
+/// Memory of one thread for all networks of a model.
+pub(super) struct NetworkMemory {
+    rooms: Vec<Room>,
+    /// A single state as eight.
+    x: Vec<Lane>,
+}
+
+impl Hybrid {
+    pub(super) fn network_memory(&self) -> NetworkMemory {
+        let x = match self.networks.is_empty() {
+            true => 0,
+            false => self.nx(),
+        };
+        NetworkMemory {
+            rooms: self.networks.iter().map(|network| network.room()).collect(),
+            x: vec![[0.0; LANES]; x],
+        }
+    }
+
+    /// Where eight states stand, for networks.
+    pub(crate) fn seen_of_eight<'a>(&'a self, eight: &Eight<'a>) -> Seen<'a> {
+        Seen {
+            eight: *eight,
+            starts: &self.starts,
+            nq: self.nq(),
+        }
+    }
+
+    /// `eight` is a single state, once in each lane.
+    fn seen_of_one<'a>(&'a self, inputs: &'a DrivenInputs, step: usize) -> Seen<'a> {
+        self.seen_of_eight(&Eight {
+            inputs: [inputs; LANES],
+            steps: [step; LANES],
+        })
+    }
+
+    /// Adds the networks' forces to Q.
+    pub(super) fn add_networks(
+        &self,
+        state: State<'_>,
+        inputs: &DrivenInputs,
+        step: usize,
+        memory: &mut NetworkMemory,
+        q: &mut [f64],
+    ) {
+        if self.networks.is_empty() {
+            return;
+        }
+        let numbers = state.q.iter().chain(state.v);
+        for (to, &from) in memory.x.iter_mut().zip(numbers) {
+            *to = [from; LANES];
+        }
+        let at = self.seen_of_one(inputs, step);
+        for (network, room) in self.networks.iter().zip(&mut memory.rooms) {
+            network.force(&memory.x, &at, room, |v, force| q[v] += force);
+        }
+    }
+
+    /// Every derivative of the networks' forces to `add`, where [`add_networks`](Self::add_networks) was called last.
+    pub(super) fn network_parts(
+        &self,
+        inputs: &DrivenInputs,
+        step: usize,
+        memory: &mut NetworkMemory,
+        mut add: impl FnMut(Of, By, f64),
+    ) {
+        if self.networks.is_empty() {
+            return;
+        }
+        let at = self.seen_of_one(inputs, step);
+        for (network, room) in self.networks.iter().zip(&mut memory.rooms) {
+            network.derivatives(&memory.x, &at, room, |v, by, part| {
+                add(Of::Force(v), by.into(), part);
+            });
+        }
+    }
+
+    /// Adds the networks' forces in eight states to Q.
+    pub(super) fn add_networks_of_eight(
+        &self,
+        x: &[Lane],
+        at: &Eight<'_>,
+        memory: &mut NetworkMemory,
+        q: &mut [Lane],
+    ) {
+        let at = self.seen_of_eight(at);
+        for (network, room) in self.networks.iter().zip(&mut memory.rooms) {
+            network.force_of_eight(x, &at, room, |v, force| {
+                for (to, from) in q[v].iter_mut().zip(force) {
+                    *to += from;
+                }
+            });
+        }
+    }
+
+    /// The networks' forces in eight states and their derivatives, each to `add` with the entry of v that it acts on.
+    pub(super) fn network_parts_of_eight(
+        &self,
+        x: &[Lane],
+        at: &Eight<'_>,
+        memory: &mut NetworkMemory,
+        mut add: impl FnMut(usize, By, &Lane),
+    ) {
+        let at = self.seen_of_eight(at);
+        for (network, room) in self.networks.iter().zip(&mut memory.rooms) {
+            network.force_of_eight(x, &at, room, |v, force| add(v, By::Value, force));
+            network.derivatives_of_eight(x, &at, room, |v, by, part| add(v, by.into(), part));
+        }
+    }
+}
+
+impl From<Sight> for By {
+    fn from(sight: Sight) -> By {
+        match sight {
+            Sight::Position(i) => By::Position(i),
+            Sight::Velocity(i) => By::Velocity(i),
+            Sight::Constant(k) => By::Constant(k),
+        }
+    }
+}

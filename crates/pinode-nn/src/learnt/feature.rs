@@ -1,0 +1,191 @@
+//! What a network sees of a state: positions, their cosines and sines, velocities, and the inputs' forces, also those of some samples ago.
+//!
+//! z_k = (x_k − o_k)/w_k.
+
+use lagrange::{Coordinate, LANES};
+
+use crate::entries::Start;
+use crate::hybrid::{Eight, Lane};
+
+/// A quantity that a network may see.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Quantity {
+    /// The position of this coordinate, m or rad.
+    Position(usize),
+    /// The cosine of this coordinate, an angle.
+    Cosine(usize),
+    /// The sine of this coordinate, an angle.
+    Sine(usize),
+    /// The velocity of this coordinate, m/s or rad/s.
+    Velocity(usize),
+    /// The generalized force gain · ū of this input, N or N·m, after the effects of its drive.
+    Input {
+        /// Which input.
+        input: usize,
+        /// As it was so many samples of the log ago.
+        back: usize,
+    },
+}
+
+impl Quantity {
+    /// Its name in weights' files: `q.pole`, `cos(q.pole)`, `sin(q.pole)`, `v.pole`, `u.motor`, `u.motor[-2]`.
+    pub fn name(self, coordinates: &[Coordinate], inputs: &[&str]) -> String {
+        let joint = |c: usize| coordinates.get(c).map_or("", |c| c.name.as_str());
+        match self {
+            Quantity::Position(c) => format!("q.{}", joint(c)),
+            Quantity::Cosine(c) => format!("cos(q.{})", joint(c)),
+            Quantity::Sine(c) => format!("sin(q.{})", joint(c)),
+            Quantity::Velocity(c) => format!("v.{}", joint(c)),
+            Quantity::Input { input, back } => {
+                let name = inputs.get(input).copied().unwrap_or_default();
+                match back {
+                    0 => format!("u.{name}"),
+                    back => format!("u.{name}[-{back}]"),
+                }
+            }
+        }
+    }
+
+    /// The quantity that a name stands for among these coordinates and inputs.
+    pub fn from_name(name: &str, coordinates: &[Coordinate], inputs: &[&str]) -> Option<Self> {
+        let joint = |name: &str| {
+            let found = coordinates.iter().position(|c| c.name == name)?;
+            (!coordinates[found].floating).then_some(found)
+        };
+        let within = |name: &'_ str, function: &str| -> Option<usize> {
+            let inner = name.strip_prefix(function)?.strip_suffix(')')?;
+            let c = joint(inner.strip_prefix("q.")?)?;
+            coordinates[c].angular.then_some(c)
+        };
+        if let Some(c) = within(name, "cos(") {
+            return Some(Quantity::Cosine(c));
+        }
+        if let Some(c) = within(name, "sin(") {
+            return Some(Quantity::Sine(c));
+        }
+        if let Some(rest) = name.strip_prefix("u.") {
+            let input = |name: &str| inputs.iter().position(|i| *i == name);
+            if let Some(input) = input(rest) {
+                return Some(Quantity::Input { input, back: 0 });
+            }
+            let (rest, back) = rest.strip_suffix(']')?.rsplit_once("[-")?;
+            return Some(Quantity::Input {
+                input: input(rest)?,
+                back: back.parse().ok().filter(|back| *back <= MOST_BACK)?,
+            });
+        }
+        match name.split_once('.')? {
+            ("q", name) => joint(name).map(Quantity::Position),
+            ("v", name) => joint(name).map(Quantity::Velocity),
+            _ => None,
+        }
+    }
+}
+
+/// A network sees inputs of at most so many samples ago.
+pub const MOST_BACK: usize = 1000;
+
+/// One input of a network.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Feature {
+    /// What is seen.
+    pub quantity: Quantity,
+    /// o in z = (x − o)/w.
+    pub offset: f64,
+    /// w in z = (x − o)/w, positive.
+    pub width: f64,
+    /// The least and the largest value in the data that the network was trained on.
+    pub range: [f64; 2],
+}
+
+/// z in eight states, one an input.
+pub(crate) fn see(features: &[Feature], x: &[Lane], at: &Seen<'_>, z: &mut [Lane]) {
+    for (z, feature) in z.iter_mut().zip(features) {
+        let values = at.quantity(x, feature.quantity);
+        *z = values.map(|x| (x - feature.offset) / feature.width);
+    }
+}
+
+/// Chain rule: from ∂J/∂z to ∂J/∂x of positions, velocities and the inputs' forces, each given to `add`.
+pub(crate) fn chain(
+    features: &[Feature],
+    x: &[Lane],
+    at: &Seen<'_>,
+    by_z: &[Lane],
+    mut add: impl FnMut(Sight, Lane),
+) {
+    for (feature, by_z) in features.iter().zip(by_z) {
+        let by = by_z.map(|d| d / feature.width);
+        match feature.quantity {
+            Quantity::Position(c) => add(Sight::Position(at.starts[c].v), by),
+            Quantity::Velocity(c) => add(Sight::Velocity(at.starts[c].v), by),
+            Quantity::Cosine(c) => {
+                let q = x[at.starts[c].q];
+                add(
+                    Sight::Position(at.starts[c].v),
+                    std::array::from_fn(|l| -by[l] * q[l].sin()),
+                );
+            }
+            Quantity::Sine(c) => {
+                let q = x[at.starts[c].q];
+                add(
+                    Sight::Position(at.starts[c].v),
+                    std::array::from_fn(|l| by[l] * q[l].cos()),
+                );
+            }
+            Quantity::Input { input, back } => {
+                for (lane, &by) in by.iter().enumerate() {
+                    let inputs = at.eight.inputs[lane];
+                    let step = at.step(lane, back);
+                    for (index, derivative) in &inputs.forces[input].by_parameter {
+                        let mut only = [0.0; LANES];
+                        only[lane] = by * derivative[step];
+                        add(Sight::Constant(*index), only);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// In what a learnt force is derived.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Sight {
+    /// A displacement along this entry of v.
+    Position(usize),
+    /// The entry of v.
+    Velocity(usize),
+    /// The entry of θ, through the inputs.
+    Constant(usize),
+}
+
+/// Where eight states stand, for what a network sees of them.
+#[derive(Clone, Copy)]
+pub(crate) struct Seen<'a> {
+    /// The inputs of the recordings.
+    pub eight: Eight<'a>,
+    /// Where each coordinate starts in q and in v.
+    pub starts: &'a [Start],
+    /// Length of q.
+    pub nq: usize,
+}
+
+impl Seen<'_> {
+    /// The integration step of a lane `back` samples ago; the first of its recording where that was before it.
+    fn step(&self, lane: usize, back: usize) -> usize {
+        self.eight.steps[lane].saturating_sub(back * self.eight.inputs[lane].grid.substeps)
+    }
+
+    /// A quantity in eight states.
+    pub fn quantity(&self, x: &[Lane], quantity: Quantity) -> Lane {
+        match quantity {
+            Quantity::Position(c) => x[self.starts[c].q],
+            Quantity::Cosine(c) => x[self.starts[c].q].map(f64::cos),
+            Quantity::Sine(c) => x[self.starts[c].q].map(f64::sin),
+            Quantity::Velocity(c) => x[self.nq + self.starts[c].v],
+            Quantity::Input { input, back } => std::array::from_fn(|lane| {
+                self.eight.inputs[lane].forces[input].value[self.step(lane, back)]
+            }),
+        }
+    }
+}

@@ -1,0 +1,208 @@
+//! A learnt force: what a network sees of a state, and what it adds to Q.
+//!
+//! Q_j = s_j y_j(z), z_k = (x_k − o_k)/w_k, on the right-hand side of M v̇ + C v + G = Q. x_k are positions, their cosines and sines, velocities and
+//! the generalized forces of the inputs, also those of some samples ago. In the paper (Roehrl et al. 2020) the cart-pole's network sees
+//! cos φ, sin φ, ẋ, φ̇ and u and gives the force on the cart.
+
+use std::fmt;
+
+use lagrange::LANES;
+
+use super::feature::{chain, see};
+use super::{Feature, Seen, Sight};
+use crate::hybrid::Lane;
+use crate::network::{Mlp, Single, Tape};
+
+/// One output of a network.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Output {
+    /// The coordinate that it acts on, a single number and no pose.
+    pub coordinate: usize,
+    /// s in Q = s y, N or N·m.
+    pub scale: f64,
+}
+
+/// A network as a force.
+#[derive(Clone, PartialEq)]
+pub struct LearntForce {
+    network: Mlp<f64>,
+    features: Vec<Feature>,
+    outputs: Vec<Output>,
+    /// Whether the inputs act on the network's joints through the network alone.
+    alone: bool,
+}
+
+/// A network does not fit what it sees or acts on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "a network with {inputs} inputs and {outputs} outputs is given {features} features and {joints} joints"
+)]
+pub struct Misfit {
+    inputs: usize,
+    outputs: usize,
+    features: usize,
+    joints: usize,
+}
+
+impl fmt::Debug for LearntForce {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("LearntForce")
+            .field("shape", self.network.shape())
+            .field("features", &self.features)
+            .field("outputs", &self.outputs)
+            .field("alone", &self.alone)
+            .finish_non_exhaustive()
+    }
+}
+
+impl LearntForce {
+    /// A network with one input a feature and one output a joint. With `alone`, inputs of these joints do not act themselves: the network stands for
+    /// all of Q, as in the paper.
+    ///
+    /// # Errors
+    /// [`Misfit`] when the numbers of inputs and outputs are others.
+    pub fn new(
+        network: Mlp<f64>,
+        features: Vec<Feature>,
+        outputs: Vec<Output>,
+        alone: bool,
+    ) -> Result<Self, Misfit> {
+        let shape = network.shape();
+        if (shape.inputs(), shape.outputs()) != (features.len(), outputs.len()) {
+            return Err(Misfit {
+                inputs: shape.inputs(),
+                outputs: shape.outputs(),
+                features: features.len(),
+                joints: outputs.len(),
+            });
+        }
+        Ok(LearntForce {
+            network,
+            features,
+            outputs,
+            alone,
+        })
+    }
+
+    /// The network.
+    pub fn network(&self) -> &Mlp<f64> {
+        &self.network
+    }
+
+    /// What it sees, one an input.
+    pub fn features(&self) -> &[Feature] {
+        &self.features
+    }
+
+    /// What it acts on, one an output.
+    pub fn outputs(&self) -> &[Output] {
+        &self.outputs
+    }
+
+    /// Whether it stands for all of Q on its joints, the inputs' forces included.
+    pub fn is_alone(&self) -> bool {
+        self.alone
+    }
+
+    /// Memory for one thread.
+    pub(crate) fn room(&self) -> Room {
+        let zeros = |n: usize| vec![[0.0; LANES]; n];
+        Room {
+            single: Single::default(),
+            tape: Tape::new(self.network.shape(), LANES, 1),
+            point: Vec::new(),
+            z: zeros(self.features.len()),
+            by_z: zeros(self.features.len()),
+        }
+    }
+
+    /// Q of the network in one state, entry after entry to `add` with its place in v.
+    pub(crate) fn force(
+        &self,
+        x: &[Lane],
+        at: &Seen<'_>,
+        room: &mut Room,
+        mut add: impl FnMut(usize, f64),
+    ) {
+        see(&self.features, x, at, &mut room.z);
+        room.point.clear();
+        room.point.extend(room.z.iter().map(|z| z[0]));
+        let y = room.single.evaluate(&self.network, &room.point);
+        for (output, y) in self.outputs.iter().zip(y) {
+            add(at.starts[output.coordinate].v, output.scale * y);
+        }
+    }
+
+    /// The derivatives of [`force`](Self::force), which has to have been called at the same state.
+    pub(crate) fn derivatives(
+        &self,
+        x: &[Lane],
+        at: &Seen<'_>,
+        room: &mut Room,
+        mut add: impl FnMut(usize, Sight, f64),
+    ) {
+        for (o, output) in self.outputs.iter().enumerate() {
+            let gradient = room.single.gradient(&self.network, o);
+            for (by_z, gradient) in room.by_z.iter_mut().zip(gradient) {
+                *by_z = [0.0; LANES];
+                by_z[0] = output.scale * gradient;
+            }
+            let v = at.starts[output.coordinate].v;
+            chain(&self.features, x, at, &room.by_z, |by, part| {
+                add(v, by, part[0])
+            });
+        }
+    }
+
+    /// Q of the network in eight states.
+    pub(crate) fn force_of_eight(
+        &self,
+        x: &[Lane],
+        at: &Seen<'_>,
+        room: &mut Room,
+        mut add: impl FnMut(usize, &Lane),
+    ) {
+        see(&self.features, x, at, &mut room.z);
+        for (k, z) in room.z.iter().enumerate() {
+            *room.tape.input_mut(0, k, 0) = *z;
+        }
+        self.network.forward(&mut room.tape, 0);
+        for (o, output) in self.outputs.iter().enumerate() {
+            let force = room.tape.output(0, o, 0).map(|y| output.scale * y);
+            add(at.starts[output.coordinate].v, &force);
+        }
+    }
+
+    /// The derivatives of [`force_of_eight`](Self::force_of_eight), which has to have been called at the same states.
+    pub(crate) fn derivatives_of_eight(
+        &self,
+        x: &[Lane],
+        at: &Seen<'_>,
+        room: &mut Room,
+        mut add: impl FnMut(usize, Sight, &Lane),
+    ) {
+        for (o, output) in self.outputs.iter().enumerate() {
+            for other in 0..self.outputs.len() {
+                let seed = if other == o { output.scale } else { 0.0 };
+                *room.tape.seed_mut(0, other, 0) = [seed; LANES];
+            }
+            self.network.backward(&mut room.tape, 0);
+            for (k, by_z) in room.by_z.iter_mut().enumerate() {
+                *by_z = *room.tape.input_gradient(0, k, 0);
+            }
+            let v = at.starts[output.coordinate].v;
+            chain(&self.features, x, at, &room.by_z, |by, part| {
+                add(v, by, &part)
+            });
+        }
+    }
+}
+
+/// Memory of one thread for a learnt force.
+pub(crate) struct Room {
+    single: Single,
+    tape: Tape<f64>,
+    point: Vec<f64>,
+    z: Vec<Lane>,
+    by_z: Vec<Lane>,
+}

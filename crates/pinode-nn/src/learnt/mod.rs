@@ -1,0 +1,11 @@
+//! Learnt forces: networks as a part of Q, what they see of a state, and their files.
+
+mod feature;
+mod force;
+pub mod weights;
+
+pub use feature::{Feature, MOST_BACK, Quantity};
+pub(crate) use feature::{Seen, Sight, chain, see};
+pub(crate) use force::Room;
+pub use force::{LearntForce, Misfit, Output};
+pub use weights::{Card, Names};

@@ -1,0 +1,141 @@
+//! A training that was stopped, in a file: whatever it needs to go on to the same bits.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use serde::{Deserialize, Serialize};
+
+use super::data::{Recordings, Side};
+use super::session::{Epoch, Session};
+use crate::Error;
+use crate::disk::write_atomically;
+use crate::network::Real;
+
+/// Where the words of a checkpoint are in the metadata of its file.
+const KEY: &str = "pinode-training";
+
+#[derive(Serialize, Deserialize)]
+struct Words {
+    /// Of the model, the logs and the options.
+    fingerprint: String,
+    steps: u64,
+    history: Vec<Epoch>,
+}
+
+impl<T: Real> Session<'_, T> {
+    /// Writes the state after an epoch, whole or not at all.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub(super) fn save(&self, path: &Path, fingerprint: &str) -> Result<(), Error> {
+        let io =
+            |e: Box<dyn std::error::Error + Send + Sync>| Error::io(path, std::io::Error::other(e));
+        let words = Words {
+            fingerprint: fingerprint.to_owned(),
+            steps: self.adam.steps,
+            history: self.history.clone(),
+        };
+        let of = |numbers: &[T]| {
+            numbers
+                .iter()
+                .flat_map(|x| x.to_f64().to_le_bytes())
+                .collect()
+        };
+        let flat = |states: &[Vec<f64>]| {
+            let all = states.iter().flatten();
+            all.flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>()
+        };
+        // f64 holds every f32.
+        let recordings = &self.recordings;
+        let tensors: [(&str, Vec<u8>); 8] = [
+            ("adam.mean", of(&self.adam.mean)),
+            ("adam.square", of(&self.adam.square)),
+            ("best", of(self.best.parameters())),
+            ("curvatures.held_out", flat(&recordings.held_out.curvatures)),
+            ("curvatures.seen", flat(&recordings.seen.curvatures)),
+            ("network", of(self.learner.network.parameters())),
+            ("starts.held_out", flat(&recordings.held_out.starts)),
+            ("starts.seen", flat(&recordings.seen.starts)),
+        ];
+        let mut views = Vec::new();
+        for (name, bytes) in &tensors {
+            let view = TensorView::new(Dtype::F64, vec![bytes.len() / 8], bytes);
+            views.push((*name, view.map_err(|e| io(e.into()))?));
+        }
+        let text = serde_json::to_string(&words).map_err(|e| io(e.into()))?;
+        let metadata = HashMap::from([(KEY.to_owned(), text)]);
+        let bytes = safetensors::serialize(views, Some(metadata)).map_err(|e| io(e.into()))?;
+        write_atomically(path, &bytes)
+    }
+
+    /// Goes on from what [`save`](Self::save) has written.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Checkpoint`] when the file is none, or that of another training.
+    pub(super) fn restore(&mut self, path: &Path, fingerprint: &str) -> Result<(), Error> {
+        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+        let fault = |what: String| Error::Checkpoint {
+            path: path.to_owned(),
+            what,
+        };
+        let broken = |e: safetensors::SafeTensorError| fault(format!("it cannot be read ({e})"));
+        let (_, metadata) = SafeTensors::read_metadata(&bytes).map_err(broken)?;
+        let tensors = SafeTensors::deserialize(&bytes).map_err(broken)?;
+        let text = metadata.metadata().as_ref().and_then(|all| all.get(KEY));
+        let words: Words = text
+            .and_then(|text| serde_json::from_str(text).ok())
+            .ok_or_else(|| fault("it has no words of a training".to_owned()))?;
+        if words.fingerprint != fingerprint {
+            return Err(fault(
+                "its model, its logs or its options are not these".to_owned(),
+            ));
+        }
+        let numbers = |name: &str, expected: usize| -> Result<Vec<f64>, Error> {
+            let tensor = tensors.tensor(name).map_err(broken)?;
+            let (whole, _) = tensor.data().as_chunks::<8>();
+            if whole.len() != expected {
+                return Err(fault(format!(
+                    "`{name}` has {} numbers, not {expected}",
+                    whole.len()
+                )));
+            }
+            Ok(whole.iter().map(|b| f64::from_le_bytes(*b)).collect())
+        };
+        let n = self.adam.mean.len();
+        let of = |name: &str| -> Result<Vec<T>, Error> {
+            let numbers = numbers(name, n)?;
+            Ok(numbers.into_iter().map(T::from_f64).collect())
+        };
+        let (mean, square, best, network) = (
+            of("adam.mean")?,
+            of("adam.square")?,
+            of("best")?,
+            of("network")?,
+        );
+        let rows = |name: &str, like: &[Vec<f64>]| -> Result<Vec<Vec<f64>>, Error> {
+            let length = like.first().map_or(1, Vec::len);
+            let flat = numbers(name, like.len() * length)?;
+            Ok(flat.chunks_exact(length).map(<[f64]>::to_vec).collect())
+        };
+        let Recordings { seen, held_out, .. } = &self.recordings;
+        let side = |name: &str, side: &Side| -> Result<Side, Error> {
+            Ok(Side {
+                windows: side.windows.clone(),
+                starts: rows(&format!("starts.{name}"), &side.starts)?,
+                curvatures: rows(&format!("curvatures.{name}"), &side.curvatures)?,
+            })
+        };
+        let (seen, held_out) = (side("seen", seen)?, side("held_out", held_out)?);
+        (self.adam.mean, self.adam.square, self.adam.steps) = (mean, square, words.steps);
+        self.best.parameters_mut().copy_from_slice(&best);
+        self.learner
+            .network
+            .parameters_mut()
+            .copy_from_slice(&network);
+        self.recordings.seen = seen;
+        self.recordings.held_out = held_out;
+        self.history = words.history;
+        Ok(())
+    }
+}

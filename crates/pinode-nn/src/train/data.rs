@@ -1,0 +1,410 @@
+//! Recordings, cut into the windows that a network is trained on.
+
+use lagrange::Coordinate;
+
+use super::adjoint::Member;
+use super::loss::{Loss, Target};
+use super::{Options, Start};
+use crate::Error;
+use crate::diagnose::audit::{Masked, audit};
+use crate::diagnose::smooth::{Smoothed, smooth};
+use crate::entries::refuse_poses;
+use crate::hybrid::{DrivenInputs, Hybrid};
+use crate::learnt::{Feature, Output, Quantity};
+use crate::log::Log;
+use crate::model::Model;
+use crate::shooting::{Observations, ObservedRun, Window};
+
+/// What this is called in errors.
+const WORK: &str = "training";
+/// Half the stretch that states are smoothed over, s.
+const SMOOTHING: f64 = 0.06;
+/// Of the windows with the largest forces, so many do not set the scale of the outputs.
+const LARGEST: f64 = 0.005;
+/// Windows that are learnt from begin so many times a window.
+const OVERLAP: usize = 4;
+/// The last of so many parts of a recording is held out.
+const HELD_OUT: usize = 8;
+/// No window spans an interval of more than so many usual ones.
+const LONG_GAP: f64 = 3.0;
+/// The network can give so much more than the largest force that the data ask for.
+const RESERVE: f64 = 1.5;
+
+/// Recordings under one model, and their windows.
+pub(crate) struct Recordings {
+    pub hybrid: Hybrid,
+    pub theta: Vec<f64>,
+    pub observations: Observations,
+    pub loss: Loss,
+    /// Integration steps a sample interval, and sample intervals a window.
+    pub substeps: usize,
+    pub horizon: usize,
+    /// One a recording.
+    pub inputs: Vec<DrivenInputs>,
+    /// Recordings from this one on are held out.
+    fit_runs: usize,
+    masked: Masked,
+    targets: Vec<Target>,
+    smoothed: Vec<Smoothed>,
+    /// Those that are learnt from, and those that tell when to stop.
+    pub seen: Side,
+    pub held_out: Side,
+}
+
+/// Windows and the states that they start from.
+#[derive(Clone)]
+pub(crate) struct Side {
+    pub windows: Vec<Window>,
+    pub starts: Vec<Vec<f64>>,
+    /// Where starts are fitted, H⁻¹ of the loss in them: see [`super::starts`].
+    pub curvatures: Vec<Vec<f64>>,
+}
+
+impl Recordings {
+    /// Those of `logs`; what is held out is `held_out`, or the last eighth of each recording where that is empty.
+    pub fn new(
+        model: &Model,
+        logs: &[Log],
+        held_out: &[Log],
+        options: &Options,
+    ) -> Result<Self, Error> {
+        let coordinates = model.mechanics.coordinates();
+        refuse_poses(coordinates, WORK)?;
+        let hybrid = Hybrid::explicit(model);
+        if hybrid.nh() > 0 {
+            return Err(Error::NotTrainable {
+                what: "an effect with states of its own (a friction with a memory, a backlash, an elastic transmission)",
+            });
+        }
+        if hybrid.mechanics().constraints().is_some() {
+            return Err(Error::NotTrainable {
+                what: "a closed loop or another constraint",
+            });
+        }
+        let theta = hybrid.theta();
+        let audited = audit(model, logs, held_out);
+        let fit_runs = logs.iter().map(|log| log.runs.len()).sum();
+        let observations = audited.observations;
+        let wraps: Vec<bool> = coordinates.iter().map(|c| c.wraps).collect();
+        let smoothed: Vec<Smoothed> = observations
+            .runs
+            .iter()
+            .map(|run| smooth(run, &wraps, SMOOTHING))
+            .collect();
+        let interval = typical_interval(&observations);
+        let substeps = (interval / options.longest_step * (1.0 - 1e-9))
+            .ceil()
+            .max(1.0) as usize;
+        let mut recordings = Recordings {
+            loss: loss(&hybrid, &observations, options),
+            targets: targets(model, logs, held_out, &observations, options),
+            inputs: Vec::new(),
+            hybrid,
+            theta,
+            smoothed,
+            fit_runs,
+            masked: audited.masked,
+            substeps,
+            horizon: (options.horizon / interval).round().max(1.0) as usize,
+            seen: Side::empty(),
+            held_out: Side::empty(),
+            observations,
+        };
+        recordings.drive_with(&recordings.theta.clone(), &recordings.hybrid.free());
+        let horizon = recordings.horizon;
+        [recordings.seen.windows, _] = recordings.cut(horizon, horizon.div_ceil(OVERLAP));
+        [_, recordings.held_out.windows] = recordings.cut(horizon, horizon);
+        if recordings.seen.windows.is_empty() || recordings.held_out.windows.is_empty() {
+            return Err(Error::NoWindow {
+                horizon: interval * recordings.horizon as f64,
+            });
+        }
+        recordings.seen.starts = recordings.measured(&recordings.seen.windows, options);
+        recordings.held_out.starts = recordings.measured(&recordings.held_out.windows, options);
+        if options.physics {
+            match options.start {
+                Start::Measured { .. } => recordings.fit_from_starts()?,
+                Start::Fitted => recordings.fit_from_free_states(),
+            }
+        }
+        recordings.set_theta(recordings.theta.clone());
+        if options.start == Start::Fitted {
+            recordings.fit_starts(&recordings.hybrid.clone());
+        }
+        if options.alone {
+            recordings.hybrid.leave_to_network(&options.joints);
+        }
+        Ok(recordings)
+    }
+
+    /// The inputs of the recordings at θ, with derivatives in these entries of it.
+    pub(super) fn drive_with(&mut self, theta: &[f64], free: &[usize]) {
+        let runs = &self.observations.runs;
+        let drive = |run: &ObservedRun| {
+            self.hybrid
+                .drive(&run.t, &run.u, self.substeps, theta, free)
+        };
+        self.inputs = runs.iter().map(drive).collect();
+    }
+
+    /// Windows of `horizon` sample intervals, each `stride` after the one before: those that are learnt from, and those held out.
+    pub(super) fn cut(&self, horizon: usize, stride: usize) -> [Vec<Window>; 2] {
+        let given = self.fit_runs < self.observations.runs.len();
+        let typical = typical_interval(&self.observations);
+        let mut sides = [Vec::new(), Vec::new()];
+        for (run, observed) in self.observations.runs.iter().enumerate() {
+            let t = &observed.t;
+            let border = t.len() - t.len() / HELD_OUT;
+            let mut first = 0;
+            while first + horizon < t.len() {
+                let last = first + horizon;
+                let gap = (first..last).find(|&k| t[k + 1] - t[k] > LONG_GAP * typical);
+                if let Some(k) = gap {
+                    first = k + 1;
+                    continue;
+                }
+                let window = Window {
+                    run,
+                    first,
+                    count: horizon + 1,
+                };
+                // A window that straddles the border belongs to neither side.
+                let side = match given {
+                    true => Some(usize::from(run >= self.fit_runs)),
+                    false if first >= border => Some(1),
+                    false => (last < border).then_some(0),
+                };
+                if let Some(side) = side {
+                    sides[side].push(window);
+                }
+                first += stride;
+            }
+        }
+        sides.map(|windows| self.masked.leave(windows, &self.observations))
+    }
+
+    /// The states at the beginning of windows: measured, or smoothed.
+    fn measured(&self, windows: &[Window], options: &Options) -> Vec<Vec<f64>> {
+        if options.start == Start::Fitted {
+            return self.smoothed_states(windows);
+        }
+        let of = |window: &Window| {
+            let target = &self.targets[window.run];
+            let smoothed = self.smoothed[window.run].state(window.first);
+            let n = target.q.len();
+            let mut state: Vec<f64> = target.q.iter().map(|q| q[window.first]).collect();
+            let v = target.v.iter().enumerate();
+            state.extend(v.map(|(c, v)| match v.get(window.first) {
+                Some(&v) => v,
+                None => smoothed[n + c],
+            }));
+            state
+        };
+        windows.iter().map(of).collect()
+    }
+
+    /// The constants as they were fitted.
+    pub(super) fn set_theta(&mut self, theta: Vec<f64>) {
+        self.theta = theta;
+        self.hybrid.set_theta(&self.theta);
+        self.drive_with(&self.theta.clone(), &[]);
+    }
+
+    /// Smoothed states at the beginning of windows.
+    pub(super) fn smoothed_states(&self, windows: &[Window]) -> Vec<Vec<f64>> {
+        let of = |window: &Window| self.smoothed[window.run].state(window.first);
+        windows.iter().map(of).collect()
+    }
+
+    /// The standard deviations that fits begin with, one a channel.
+    pub(super) fn noise(&self) -> Vec<f64> {
+        let channels = &self.observations.channels;
+        channels.iter().map(|c| 3.0 * c.noise).collect()
+    }
+
+    /// A window as it is rolled out.
+    pub fn member<'a>(&'a self, side: &'a Side, index: usize) -> Member<'a> {
+        let window = &side.windows[index];
+        Member {
+            inputs: &self.inputs[window.run],
+            target: &self.targets[window.run],
+            first: window.first,
+            start: &side.starts[index],
+        }
+    }
+
+    /// What the network sees, scaled to mean 0 and deviation 1 over the recordings.
+    pub fn features(&self, quantities: &[Quantity]) -> Vec<Feature> {
+        let of = |&quantity: &Quantity| {
+            let (mut n, mut sum, mut squares) = (0.0, 0.0, 0.0);
+            let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+            for (smoothed, inputs) in self.smoothed.iter().zip(&self.inputs) {
+                for k in 0..smoothed.q.first().map_or(0, Vec::len).saturating_sub(1) {
+                    let x = match quantity {
+                        Quantity::Position(c) => smoothed.q[c][k],
+                        Quantity::Cosine(c) => smoothed.q[c][k].cos(),
+                        Quantity::Sine(c) => smoothed.q[c][k].sin(),
+                        Quantity::Velocity(c) => smoothed.v[c][k],
+                        Quantity::Input { input, back } => {
+                            inputs.forces[input].value[self.substeps * k.saturating_sub(back)]
+                        }
+                    };
+                    n += 1.0;
+                    sum += x;
+                    squares += x * x;
+                    range = [range[0].min(x), range[1].max(x)];
+                }
+            }
+            let mean = sum / n;
+            let width = (squares / n - mean * mean).max(0.0).sqrt();
+            let (offset, width) = match quantity {
+                Quantity::Cosine(_) | Quantity::Sine(_) => (0.0, 1.0),
+                // What never moves says nothing.
+                _ if width <= 1e-9 * mean.abs() || width == 0.0 => (mean, 1.0),
+                _ => (mean, width),
+            };
+            Feature {
+                quantity,
+                offset,
+                width,
+                range,
+            }
+        };
+        quantities.iter().map(of).collect()
+    }
+
+    /// What the network acts on, each with the scale of the force that the model lacks: M v̇ + C v + G − Q, smoothed.
+    pub fn outputs(&self, joints: &[usize]) -> Vec<Output> {
+        let hybrid = &self.hybrid;
+        let n = hybrid.nv();
+        let mut memory = hybrid.memory(&[]);
+        let mut mass = nalgebra::DMatrix::zeros(n, n);
+        let mut missing: Vec<Vec<f64>> = vec![Vec::new(); n];
+        for (smoothed, inputs) in self.smoothed.iter().zip(&self.inputs) {
+            let samples = smoothed.q.first().map_or(0, Vec::len);
+            for k in 0..samples.saturating_sub(1) {
+                let x = smoothed.state(k);
+                let state = hybrid.parts(&x);
+                let step = self.substeps * k;
+                if hybrid
+                    .acceleration(state, &self.theta, inputs, step, &mut memory)
+                    .is_err()
+                {
+                    continue;
+                }
+                hybrid.mass_matrix_into(state.q, &self.theta, &mut memory, &mut mass);
+                let lacking =
+                    nalgebra::DVector::from_fn(n, |c, _| smoothed.a[c][k] - memory.acceleration[c]);
+                let force = &mass * lacking;
+                for (c, missing) in missing.iter_mut().enumerate() {
+                    missing.push(force[c].abs());
+                }
+            }
+        }
+        let output = |&coordinate: &usize| {
+            let forces = &mut missing[hybrid.start_of(coordinate).v];
+            forces.sort_by(f64::total_cmp);
+            let index = ((1.0 - LARGEST) * forces.len() as f64) as usize;
+            let largest = forces.get(index).copied().unwrap_or(0.0);
+            let scale = RESERVE * largest;
+            Output {
+                coordinate,
+                scale: if scale > 0.0 && scale.is_finite() {
+                    scale
+                } else {
+                    1.0
+                },
+            }
+        };
+        joints.iter().map(output).collect()
+    }
+}
+
+impl Side {
+    fn empty() -> Self {
+        Side {
+            windows: Vec::new(),
+            starts: Vec::new(),
+            curvatures: Vec::new(),
+        }
+    }
+}
+
+/// What a network sees unless it is told otherwise.
+pub(super) fn usual_quantities(coordinates: &[Coordinate], inputs: usize) -> Vec<Quantity> {
+    let mut quantities = Vec::new();
+    for (c, coordinate) in coordinates.iter().enumerate() {
+        if coordinate.wraps {
+            quantities.extend([Quantity::Cosine(c), Quantity::Sine(c)]);
+        } else if coordinate.angular {
+            quantities.push(Quantity::Position(c));
+        }
+    }
+    quantities.extend((0..coordinates.len()).map(Quantity::Velocity));
+    quantities.extend((0..inputs).map(|input| Quantity::Input { input, back: 0 }));
+    quantities
+}
+
+fn loss(hybrid: &Hybrid, observations: &Observations, options: &Options) -> Loss {
+    let coordinates = hybrid.mechanics().coordinates();
+    let mut weights = vec![[0.0; 2]; coordinates.len()];
+    match options.start {
+        Start::Measured { weights: own } => weights.fill(own),
+        Start::Fitted => {
+            let channels = &observations.channels;
+            for channel in channels {
+                weights[channel.coordinate][usize::from(channel.velocity)] =
+                    1.0 / (channel.noise.powi(2) * channels.len() as f64);
+            }
+        }
+    }
+    let first = usize::from(options.start != Start::Fitted);
+    let starts: Vec<_> = (0..coordinates.len()).map(|c| hybrid.start_of(c)).collect();
+    Loss::new(coordinates, &starts, hybrid.nq(), &weights, first)
+}
+
+/// The measurements behind the zeros of the sensors. The paper's loss takes velocities as the log has them, differences among them.
+fn targets(
+    model: &Model,
+    logs: &[Log],
+    held_out: &[Log],
+    observations: &Observations,
+    options: &Options,
+) -> Vec<Target> {
+    let runs = logs.iter().chain(held_out).flat_map(|log| &log.runs);
+    let n = model.sensors.len();
+    runs.zip(&observations.runs)
+        .map(|(run, observed)| {
+            let zeroed = |c: usize| run.q[c].iter().map(|q| q - model.sensors[c].zero).collect();
+            let rows = run.len();
+            let v: Vec<Vec<f64>> = (0..n)
+                .map(|c| run.v[c].clone().unwrap_or_default())
+                .collect();
+            let all = |column: &Vec<f64>| vec![!column.is_empty(); rows];
+            let paper = options.start != Start::Fitted;
+            let mut valid = [vec![vec![true; rows]; n], v.iter().map(all).collect()];
+            if !paper {
+                for (channel, own) in observations.channels.iter().zip(&observed.valid) {
+                    valid[usize::from(channel.velocity)][channel.coordinate].clone_from(own);
+                }
+            }
+            Target {
+                q: (0..n).map(zeroed).collect(),
+                v,
+                valid,
+            }
+        })
+        .collect()
+}
+
+/// The median time between samples, s.
+fn typical_interval(observations: &Observations) -> f64 {
+    let pairs = |t: &[f64]| t.windows(2).map(|p| p[1] - p[0]).collect::<Vec<_>>();
+    let mut intervals: Vec<f64> = observations
+        .runs
+        .iter()
+        .flat_map(|run| pairs(&run.t))
+        .collect();
+    intervals.sort_by(f64::total_cmp);
+    intervals.get(intervals.len() / 2).copied().unwrap_or(1.0)
+}

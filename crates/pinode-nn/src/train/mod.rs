@@ -1,0 +1,354 @@
+//! Networks that stand for the unknown part of Q, trained through the integrator (PINODE, Roehrl et al. 2020).
+//!
+//! M(q) v̇ + C(q, v) v + G(q) = Q + Q_NN(q, v, u; W) is rolled out over windows of recordings by classical Runge-Kutta, and the loss of the roll-outs
+//! goes down along its exact gradient in W, by Adam. The paper's windows are one sample long and start from the measured state, whose velocities are
+//! differences of two readings; its loss is then biased by their noise ([`Start::Measured`]). The better ones ([`Start::Fitted`], the default) are
+//! longer, start from states that are fitted to them, compare positions in units of their noise and leave out what the audit of the log calls
+//! faulty; what effects and constants of the model can explain is fitted first and kept out of the network.
+//!
+//! ```no_run
+//! use pinode_nn::{log::Log, model::Model, train::{Options, Training, train}};
+//!
+//! let model = Model::load("cart.toml".as_ref())?;
+//! let log = Log::read("log.csv".as_ref(), &model)?;
+//! let options = Options::new(vec![0]);
+//! let trained = train(&Training { model: &model, logs: &[log], held_out: &[] }, &options, None, &mut |epoch| {
+//!     eprintln!("{}: {}", epoch.epoch, epoch.held_out);
+//!     Ok(())
+//! })?;
+//! trained.write(&model, "out".as_ref())?;
+//! # Ok::<(), pinode_nn::Error>(())
+//! ```
+
+mod adam;
+mod adjoint;
+mod checkpoint;
+mod data;
+mod loss;
+mod options;
+mod physics;
+mod session;
+mod starts;
+#[cfg(test)]
+mod tests;
+
+use std::path::{Path, PathBuf};
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use adjoint::Learner;
+use data::{Recordings, usual_quantities};
+
+pub use options::{Options, Start};
+pub use session::{Epoch, Session};
+
+use crate::Error;
+use crate::hybrid::ConstantId;
+use crate::learnt::{Card, LearntForce, Names, Quantity, weights};
+use crate::log::Log;
+use crate::model::{Model, NewNetwork, Revision};
+use crate::network::{Activation, Mlp, Real, Shape};
+
+/// The name of the weights beside the model that uses them.
+pub const WEIGHTS: &str = "network.safetensors";
+/// A network that corrects a model begins with this part of the usual weights in its last layer: near no force at all.
+const FIRST_OUTPUT: f64 = 0.1;
+
+/// What a network is trained on.
+#[derive(Clone, Copy)]
+pub struct Training<'a> {
+    /// The model that it becomes a part of.
+    pub model: &'a Model,
+    /// What it learns from.
+    pub logs: &'a [Log],
+    /// What tells when to stop; the last eighth of each recording where there is none.
+    pub held_out: &'a [Log],
+}
+
+/// A checkpoint that is written after every epoch.
+#[derive(Debug, Clone)]
+pub struct Checkpoint {
+    /// The file.
+    pub path: PathBuf,
+    /// Whether to go on from it where it is there.
+    pub resume: bool,
+}
+
+/// A trained network.
+#[derive(Debug, Clone)]
+pub struct Trained {
+    /// The force.
+    pub force: LearntForce,
+    /// What its file will say of it.
+    pub card: Card,
+    /// How the epochs went.
+    pub history: Vec<Epoch>,
+    /// The epoch whose weights these are.
+    pub best_epoch: usize,
+    /// The constants of the model, as they were fitted beside it.
+    pub revision: Revision,
+    /// The mean loss of the windows held out when the network gives no force; none where it is alone on its joints.
+    pub without_network: Option<f64>,
+    /// Whether it was computed in 32 bits.
+    pub single: bool,
+}
+
+/// Trains a network; `each` hears of every epoch and ends the training by an error.
+///
+/// # Errors
+/// [`Error::Training`] when the options fit no model, [`Error::NotTrainable`], [`Error::Floating`], [`Error::NoWindow`] when the recordings are too
+/// short, [`Error::Unfittable`] when most roll-outs diverge, [`Error::Checkpoint`], and those of `each`.
+pub fn train(
+    training: &Training<'_>,
+    options: &Options,
+    checkpoint: Option<&Checkpoint>,
+    each: &mut dyn FnMut(&Epoch) -> Result<(), Error>,
+) -> Result<Trained, Error> {
+    match options.single {
+        true => train_in::<f32>(training, options, checkpoint, each),
+        false => train_in::<f64>(training, options, checkpoint, each),
+    }
+}
+
+fn train_in<T: Real>(
+    training: &Training<'_>,
+    options: &Options,
+    checkpoint: Option<&Checkpoint>,
+    each: &mut dyn FnMut(&Epoch) -> Result<(), Error>,
+) -> Result<Trained, Error> {
+    let mut session = Session::<T>::new(training, options)?;
+    let without_network = match options.alone {
+        true => None,
+        false => Some(session.held_out_without_network()?),
+    };
+    let fingerprint = fingerprint(training, options);
+    if let Some(checkpoint) = checkpoint
+        && checkpoint.resume
+        && checkpoint.path.exists()
+    {
+        session.restore(&checkpoint.path, &fingerprint)?;
+        for epoch in &session.history.clone() {
+            each(epoch)?;
+        }
+    }
+    while !session.is_over() {
+        let epoch = session.epoch()?;
+        if let Some(checkpoint) = checkpoint {
+            session.save(&checkpoint.path, &fingerprint)?;
+        }
+        each(&epoch)?;
+    }
+    trained(training, options, &session, without_network)
+}
+
+impl<'a, T: Real> Session<'a, T> {
+    /// The network before its first step, and its recordings; constants and starts are fitted where the options say so.
+    ///
+    /// # Errors
+    /// As [`train`].
+    pub fn new(training: &Training<'_>, options: &'a Options) -> Result<Self, Error> {
+        check(training.model, options)?;
+        let model = training.model;
+        let recordings = Recordings::new(model, training.logs, training.held_out, options)?;
+        let quantities = match options.quantities.is_empty() {
+            true => usual_quantities(model.mechanics.coordinates(), model.inputs.len()),
+            false => options.quantities.clone(),
+        };
+        let features = recordings.features(&quantities);
+        let outputs = recordings.outputs(&options.joints);
+        let mut sizes = vec![features.len()];
+        sizes.extend(&options.units);
+        sizes.push(outputs.len());
+        let shape = Shape::new(&sizes, options.hidden, Activation::Tanh)
+            .map_err(|e| Error::Training(e.to_string()))?;
+        let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+        let mut network = Mlp::<T>::xavier(shape, &mut rng);
+        if !options.alone {
+            let last = network.shape().layers().last();
+            let of_last = last.map_or(0..0, |layer| layer.weights..layer.biases);
+            for weight in &mut network.parameters_mut()[of_last] {
+                *weight = T::from_f64(FIRST_OUTPUT * weight.to_f64());
+            }
+        }
+        let learner = Learner {
+            network,
+            features,
+            outputs,
+        };
+        Ok(Session::of(recordings, options, learner))
+    }
+}
+
+/// What is not all right with the options.
+fn check(model: &Model, options: &Options) -> Result<(), Error> {
+    let coordinates = model.mechanics.coordinates();
+    let fault = |what: String| Err(Error::Training(what));
+    if options.joints.is_empty() {
+        return fault(
+            "no joint is given for the network to act on: name one by --joint".to_owned(),
+        );
+    }
+    for (k, &joint) in options.joints.iter().enumerate() {
+        let Some(coordinate) = coordinates.get(joint) else {
+            return fault(format!(
+                "there is no coordinate {joint}: the model has {}",
+                coordinates.len()
+            ));
+        };
+        let name = &coordinate.name;
+        if options.joints[..k].contains(&joint) {
+            return fault(format!("the joint `{name}` is given twice"));
+        }
+        let taken = model.networks.iter().flat_map(|n| n.force.outputs());
+        if taken.clone().any(|output| output.coordinate == joint) {
+            return fault(format!(
+                "the model has a network on `{name}` already: take its [[effect]] out first"
+            ));
+        }
+    }
+    let known = |quantity: &Quantity| match *quantity {
+        Quantity::Position(c) | Quantity::Cosine(c) | Quantity::Sine(c) | Quantity::Velocity(c) => {
+            c < coordinates.len()
+        }
+        Quantity::Input { input, .. } => input < model.inputs.len(),
+    };
+    if !options.quantities.iter().all(known) {
+        return fault(
+            "the network is to see a coordinate or an input that the model does not have"
+                .to_owned(),
+        );
+    }
+    for (name, value) in [("batch", options.batch), ("epochs", options.epochs)] {
+        if value == 0 {
+            return fault(format!("`{name}` is 0: it must be at least 1"));
+        }
+    }
+    for (name, value) in [
+        ("the learning rate", options.rate),
+        ("the longest step", options.longest_step),
+        (
+            "the length of a window",
+            options.horizon + f64::MIN_POSITIVE,
+        ),
+    ] {
+        if !(value > 0.0 && value.is_finite()) {
+            return fault(format!("{name} is {value}: it must be positive"));
+        }
+    }
+    Ok(())
+}
+
+/// Of all that the weights depend on.
+fn fingerprint(training: &Training<'_>, options: &Options) -> String {
+    let logs = training.logs.iter().chain(training.held_out);
+    let logs: Vec<&str> = logs.map(|log| log.sha256.as_str()).collect();
+    let text = format!(
+        "{} {} {:?} {options:?}",
+        env!("CARGO_PKG_VERSION"),
+        training.model.sha256(),
+        logs
+    );
+    crate::disk::sha256(text.as_bytes())
+}
+
+fn trained<T: Real>(
+    training: &Training<'_>,
+    options: &Options,
+    session: &Session<'_, T>,
+    without_network: Option<f64>,
+) -> Result<Trained, Error> {
+    let model = training.model;
+    let force = session.force(&session.best)?;
+    let inputs: Vec<&str> = model.inputs.iter().map(|i| i.name.as_str()).collect();
+    let mut card = Card::of(
+        &force,
+        Names {
+            coordinates: model.mechanics.coordinates(),
+            inputs: &inputs,
+        },
+    );
+    let best_epoch = session.best_epoch();
+    let best = session
+        .history
+        .iter()
+        .find(|epoch| epoch.epoch == best_epoch);
+    let file = |log: &Log| serde_json::json!({ "file": log.path.display().to_string(), "sha256": log.sha256 });
+    let words = serde_json::json!({
+        "program": concat!("pinode ", env!("CARGO_PKG_VERSION")),
+        "model_sha256": model.sha256(),
+        "logs": training.logs.iter().map(file).collect::<Vec<_>>(),
+        "held_out": training.held_out.iter().map(file).collect::<Vec<_>>(),
+        "seed": options.seed,
+        "windows": session.recordings.seen.windows.len(),
+        "samples_per_window": session.recordings.horizon,
+        "epochs": session.history.len(),
+        "best_epoch": best_epoch,
+        "loss": best.map(|epoch| epoch.loss),
+        "loss_held_out": best.map(|epoch| epoch.held_out),
+        "loss_held_out_without_network": without_network,
+        "loss_in": match options.start {
+            Start::Measured { .. } => "squares of SI units, from measured states",
+            Start::Fitted => "squares of the sensors' noise, from fitted states",
+        },
+        "precision": if options.single { "f32" } else { "f64" },
+        "range": "outside of the features' `range` the force was never seen",
+    });
+    if let serde_json::Value::Object(words) = words {
+        card.training = words;
+    }
+    Ok(Trained {
+        revision: revision(model, session),
+        force,
+        card,
+        history: session.history.clone(),
+        best_epoch,
+        without_network,
+        single: options.single,
+    })
+}
+
+/// The model with the constants as fitted.
+fn revision<T: Real>(model: &Model, session: &Session<'_, T>) -> Revision {
+    let mut revision = Revision::of(model);
+    let hybrid = &session.recordings.hybrid;
+    for (constant, &value) in hybrid.constants().iter().zip(&session.recordings.theta) {
+        match constant.id {
+            ConstantId::Mechanics(k) => revision.parameter_values[k] = value,
+            ConstantId::Gain(i) => revision.gains[i] = value,
+            ConstantId::Zero(c) => revision.zeros[c] = value,
+            ConstantId::Effect(e, k) => revision.effects[e].0.values[k] = value,
+        }
+    }
+    revision
+}
+
+impl Trained {
+    /// Writes [`WEIGHTS`] and `model.toml`, the model with this network in it, to `dir`; returns the path of the model.
+    ///
+    /// # Errors
+    /// As [`Model::write_revision`].
+    pub fn write(&self, model: &Model, dir: &Path) -> Result<PathBuf, Error> {
+        std::fs::create_dir_all(dir).map_err(|e| Error::io(dir, e))?;
+        weights::write(&dir.join(WEIGHTS), &self.force, &self.card, self.single)?;
+        let mut revision = self.revision.clone();
+        revision.network = Some(NewNetwork {
+            weights: WEIGHTS.to_owned(),
+            joints: self
+                .card
+                .joints
+                .iter()
+                .map(|joint| joint.name.clone())
+                .collect(),
+            comment: format!(
+                "learnt by `pinode train` from {} windows; what it saw, and how well it does, is in the file's metadata",
+                self.card
+                    .training
+                    .get("windows")
+                    .cloned()
+                    .unwrap_or_default()
+            ),
+        });
+        model.write_revision(dir, "model.toml", &revision)
+    }
+}

@@ -1,0 +1,174 @@
+//! What constants of the model and parameters of its effects explain by themselves: fitted before a network, and without one.
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+use super::data::Recordings;
+use crate::Error;
+use crate::shooting::{FitOptions, HiddenPrior, Roller, Trajectory, fit};
+
+/// Windows with free starts have at least so many sample intervals: what a shorter one tells of θ is lost in its start.
+const SHORTEST: usize = 20;
+/// Steps of a fit of states to their windows.
+pub(super) const STATE_STEPS: usize = 3;
+/// Steps of a fit of constants.
+const FIT_STEPS: usize = 20;
+/// A fit from measured states ends when the loss falls by less than this share.
+const ENOUGH: f64 = 1e-9;
+
+impl Recordings {
+    /// θ_free by least squares over windows whose initial states are free.
+    pub fn fit_from_free_states(&mut self) {
+        let free = self.hybrid.free();
+        if free.is_empty() {
+            return;
+        }
+        let length = self.horizon.max(SHORTEST);
+        let [windows, _] = self.cut(length, length);
+        let states = self.smoothed_states(&windows);
+        let fitted = fit(
+            &self.hybrid,
+            &self.observations,
+            &windows,
+            &free,
+            self.theta.clone(),
+            states,
+            self.noise(),
+            &HiddenPrior::none(windows.len()),
+            &FitOptions {
+                substeps: self.substeps,
+                iterations: FIT_STEPS,
+                state_iterations: STATE_STEPS,
+            },
+        );
+        self.set_theta(fitted.theta);
+    }
+
+    /// θ_free by the loss itself from the starts as they are: Gauss and Newton's method, damped, with the tolerances as priors in units of the
+    /// mean loss. With one step from measured states it is the paper's fit of a pure ODE (Roehrl et al. 2020, eq. 13).
+    ///
+    /// # Errors
+    /// [`Error::Unfittable`] when no window has a motion.
+    pub fn fit_from_starts(&mut self) -> Result<(), Error> {
+        let free = self.hybrid.free();
+        if free.is_empty() {
+            return Ok(());
+        }
+        let mut at = self.equations(&free, &self.theta)?;
+        let mut damping = 1e-9;
+        for _ in 0..FIT_STEPS {
+            let mut theta = self.theta.clone();
+            let Some(step) = at.step(damping) else {
+                break;
+            };
+            for (&index, step) in free.iter().zip(step.iter()) {
+                let constant = &self.hybrid.constants()[index];
+                theta[index] = (theta[index] + step).clamp(constant.lower, constant.upper);
+            }
+            self.drive_with(&theta, &free);
+            let new = self.equations(&free, &theta)?;
+            let gain = 1.0 - new.loss / at.loss;
+            if gain <= 0.0 {
+                damping = (damping * 100.0).max(1e-4);
+                if damping > 1e6 {
+                    break;
+                }
+                continue;
+            }
+            damping *= 0.1;
+            (self.theta, at) = (theta, new);
+            if gain < ENOUGH {
+                break;
+            }
+        }
+        self.set_theta(self.theta.clone());
+        Ok(())
+    }
+
+    /// The normal equations of the loss at θ.
+    fn equations(&self, free: &[usize], theta: &[f64]) -> Result<Equations, Error> {
+        let n = free.len();
+        let (hybrid, horizon) = (&self.hybrid, self.horizon);
+        let nx = hybrid.nx();
+        let mut roller = Roller::new(hybrid, free);
+        let columns = roller.columns();
+        let mut trajectory = Trajectory::default();
+        let mut out = Equations {
+            matrix: DMatrix::zeros(n, n),
+            gradient: DVector::zeros(n),
+            loss: 0.0,
+        };
+        let mut terms = 0;
+        for index in 0..self.seen.windows.len() {
+            let member = self.member(&self.seen, index);
+            let span = (member.first, horizon + 1);
+            let rolled = roller.roll_with_sensitivities(
+                theta,
+                member.inputs,
+                span,
+                member.start,
+                &mut trajectory,
+            );
+            if rolled.is_err() {
+                continue;
+            }
+            for sample in self.loss.first..=horizon {
+                let x = &trajectory.states[sample * nx..][..nx];
+                let s = &trajectory.sensitivities[sample * nx * columns..][..nx * columns];
+                let row = |i: usize| DVector::from_fn(n, |k, _| s[(nx + k) * nx + i]);
+                let all = |i, weight: f64, residual: f64| {
+                    let row = row(i);
+                    out.loss += weight * residual * residual;
+                    out.gradient.axpy(weight * residual, &row, 1.0);
+                    out.matrix.ger(weight, &row, &row, 1.0);
+                };
+                let at = member.first + sample;
+                self.loss.residuals(member.target, at, |i| x[i], all);
+                terms += 1;
+            }
+        }
+        if terms == 0 {
+            let windows = self.seen.windows.len();
+            return Err(Error::Unfittable {
+                diverged: windows,
+                windows,
+            });
+        }
+        let mean = out.loss / f64::from(terms);
+        for (k, &index) in free.iter().enumerate() {
+            let constant = &hybrid.constants()[index];
+            if constant.tolerance.is_finite() {
+                let weight = mean / constant.tolerance.powi(2);
+                let residual = constant.value - theta[index];
+                out.loss += weight * residual * residual;
+                out.gradient[k] += weight * residual;
+                out.matrix[(k, k)] += weight;
+            }
+        }
+        Ok(out)
+    }
+}
+
+/// A Δθ = g, and the loss.
+struct Equations {
+    matrix: DMatrix<f64>,
+    gradient: DVector<f64>,
+    loss: f64,
+}
+
+impl Equations {
+    /// Δθ, with `damping` relative to the diagonal; what moves nothing stays.
+    fn step(&self, damping: f64) -> Option<DVector<f64>> {
+        let n = self.gradient.len();
+        let scale = |k: usize| match self.matrix[(k, k)] {
+            square if square > 1e-300 => square.sqrt(),
+            _ => f64::INFINITY,
+        };
+        let matrix = DMatrix::from_fn(n, n, |i, j| match i == j {
+            true => 1.0 + damping,
+            false => self.matrix[(i, j)] / (scale(i) * scale(j)),
+        });
+        let rhs = DVector::from_fn(n, |i, _| self.gradient[i] / scale(i));
+        let solved = Cholesky::new(matrix)?.solve(&rhs);
+        Some(DVector::from_fn(n, |i, _| solved[i] / scale(i)))
+    }
+}

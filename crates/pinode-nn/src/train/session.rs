@@ -1,0 +1,312 @@
+//! The epochs of a training.
+
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::adam::Adam;
+use super::adjoint::{CHUNK, Chunk, Learner, Member, Setting};
+use super::data::{Recordings, Side};
+use super::{Options, Start};
+use crate::Error;
+use crate::learnt::LearntForce;
+use crate::network::{Mlp, Real};
+
+/// The curvature of the loss in the starts is taken anew after so many epochs, and after twice as many as the last time.
+const FIRST_REFIT: usize = 2;
+/// So many steps do the starts of what is held out make towards a new network.
+const STARTS_OF_HELD_OUT: usize = 2;
+/// The rate falls to this part of it.
+const LAST_RATE: f64 = 0.01;
+/// Less gain on the windows held out than this share counts as none.
+const GAIN: f64 = 1e-3;
+
+/// How an epoch went.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Epoch {
+    /// Its number, from 1.
+    pub epoch: usize,
+    /// Mean loss of the windows that were learnt from, while they were.
+    pub loss: f64,
+    /// Mean loss of the windows held out, after it.
+    pub held_out: f64,
+    /// Windows that left the range of any mechanism.
+    pub diverged: usize,
+    /// Adam's step.
+    pub rate: f64,
+}
+
+/// A network in training, computed in f32 or f64: [`train`](super::train) goes through its epochs one by one.
+pub struct Session<'a, T: Real> {
+    pub(super) recordings: Recordings,
+    options: &'a Options,
+    pub(super) learner: Learner<T>,
+    pub(super) adam: Adam<T>,
+    pub(super) best: Mlp<T>,
+    pub(super) history: Vec<Epoch>,
+    chunks: Vec<Chunk<T>>,
+    gradient: Vec<T>,
+}
+
+impl<'a, T: Real> Session<'a, T> {
+    pub(super) fn of(recordings: Recordings, options: &'a Options, learner: Learner<T>) -> Self {
+        let n = learner.network.parameters().len();
+        let steps = recordings.horizon * recordings.substeps;
+        let chunks = {
+            let setting = setting(&recordings);
+            (0..options.batch.div_ceil(CHUNK))
+                .map(|_| Chunk::new(&setting, &learner, options.batch, steps))
+                .collect()
+        };
+        Session {
+            adam: Adam::new(n),
+            best: learner.network.clone(),
+            history: Vec::new(),
+            gradient: vec![T::from_f64(0.0); n],
+            chunks,
+            recordings,
+            options,
+            learner,
+        }
+    }
+
+    /// Number of windows that are learnt from.
+    pub fn windows(&self) -> usize {
+        self.recordings.seen.windows.len()
+    }
+
+    /// The network as it is now.
+    pub fn network(&self) -> &Mlp<T> {
+        &self.learner.network
+    }
+
+    /// What has been so far.
+    pub fn history(&self) -> &[Epoch] {
+        &self.history
+    }
+
+    /// The epoch with the least loss on the windows held out; 0 before the first.
+    pub fn best_epoch(&self) -> usize {
+        let better = |best: (usize, f64), e: &Epoch| match e.held_out < best.1 * (1.0 - GAIN) {
+            true => (e.epoch, e.held_out),
+            false => best,
+        };
+        self.history.iter().fold((0, f64::INFINITY), better).0
+    }
+
+    /// Whether all epochs are over, or enough of them have brought nothing.
+    pub fn is_over(&self) -> bool {
+        let done = self.history.len();
+        done >= self.options.epochs || done >= self.best_epoch() + self.options.patience.max(1)
+    }
+
+    /// Learns from all windows once, in an order of this epoch's.
+    ///
+    /// # Errors
+    /// [`Error::Mechanics`] of a state in the range of mechanisms, [`Error::Unfittable`] when most windows leave it.
+    pub fn epoch(&mut self) -> Result<Epoch, Error> {
+        let number = self.history.len() + 1;
+        if self.options.start == Start::Fitted && is_refit(number) {
+            let hybrid = self.with_network(&self.learner.network)?;
+            self.recordings.fit_starts(&hybrid);
+        }
+        let mut order: Vec<usize> = (0..self.recordings.seen.windows.len()).collect();
+        let mut rng = ChaCha8Rng::seed_from_u64(self.options.seed);
+        rng.set_stream(number as u64);
+        order.shuffle(&mut rng);
+        let batches = order.len().div_ceil(self.options.batch);
+        let (mut loss, mut diverged) = (0.0, 0);
+        for (k, batch) in order.chunks(self.options.batch).enumerate() {
+            let progress =
+                ((number - 1) * batches + k) as f64 / (self.options.epochs * batches) as f64;
+            let (sum, lost) = self.step(batch, self.rate(progress))?;
+            loss += sum;
+            diverged += lost;
+        }
+        if 2 * diverged > order.len() {
+            return Err(Error::Unfittable {
+                diverged,
+                windows: order.len(),
+            });
+        }
+        let (held_out, _) = self.held_out()?;
+        let epoch = Epoch {
+            epoch: number,
+            loss: loss / self.terms(order.len() - diverged),
+            held_out,
+            diverged,
+            rate: self.rate(number as f64 / self.options.epochs as f64),
+        };
+        self.history.push(epoch);
+        if self.best_epoch() == number {
+            self.best = self.learner.network.clone();
+        }
+        Ok(epoch)
+    }
+
+    /// η along a cosine, or the same for ever.
+    fn rate(&self, progress: f64) -> f64 {
+        let fallen = match self.options.decays {
+            true => 0.5 * (1.0 + (std::f64::consts::PI * progress.min(1.0)).cos()),
+            false => 1.0,
+        };
+        self.options.rate * (LAST_RATE + (1.0 - LAST_RATE) * fallen)
+    }
+
+    /// How many samples the loss of so many windows is summed over.
+    fn terms(&self, windows: usize) -> f64 {
+        let recordings = &self.recordings;
+        (windows * (recordings.horizon + 1 - recordings.loss.first)).max(1) as f64
+    }
+
+    /// One step of Adam for a batch of windows, by their numbers below [`windows`](Self::windows), at most [`Options::batch`] of them; their summed
+    /// loss, and how many left the range of mechanisms.
+    ///
+    /// # Errors
+    /// [`Error::Mechanics`] of a state in the range of mechanisms; [`Error::Training`] when a number is too large, or there are too many or none.
+    pub fn step(&mut self, batch: &[usize], rate: f64) -> Result<(f64, usize), Error> {
+        let windows = self.windows();
+        if batch.is_empty() || batch.len() > self.options.batch {
+            let (found, most) = (batch.len(), self.options.batch);
+            let fault = format!("a batch of {found} windows is none of 1 to {most}");
+            return Err(Error::Training(fault));
+        }
+        if let Some(index) = batch.iter().find(|&&index| index >= windows) {
+            let fault = format!("there is no window {index}: there are {windows}");
+            return Err(Error::Training(fault));
+        }
+        let terms = self.terms(batch.len());
+        let setting = setting(&self.recordings);
+        let (learner, recordings) = (&self.learner, &self.recordings);
+        let used = batch.len().div_ceil(CHUNK);
+        self.chunks[..used]
+            .par_iter_mut()
+            .zip(batch.par_chunks(CHUNK))
+            .try_for_each(|(chunk, batch)| {
+                let members = members(recordings, &recordings.seen, batch);
+                let members = &members[..batch.len()];
+                chunk.forward(&setting, learner, members)?;
+                chunk.backward(&setting, learner, members);
+                Ok(())
+            })
+            .map_err(Error::Mechanics)?;
+        let (mut loss, mut diverged) = (0.0, 0);
+        self.gradient.fill(T::from_f64(0.0));
+        for chunk in &self.chunks[..used] {
+            loss += chunk.loss;
+            diverged += chunk.diverged;
+            for (sum, part) in self.gradient.iter_mut().zip(&chunk.gradient) {
+                *sum = T::from_f64(sum.to_f64() + part.to_f64() / terms);
+            }
+        }
+        if self.options.start == Start::Fitted {
+            improve(&mut self.recordings.seen, batch, &self.chunks[..used]);
+        }
+        self.adam
+            .step(rate, &self.gradient, self.learner.network.parameters_mut());
+        Ok((loss, diverged))
+    }
+
+    /// The mean loss of the windows held out, those that diverge left out, and how many do; their starts are fitted to this network first.
+    ///
+    /// # Errors
+    /// [`Error::Mechanics`] of a state in the range of mechanisms.
+    pub fn held_out(&mut self) -> Result<(f64, usize), Error> {
+        let rounds = match self.options.start {
+            Start::Fitted => STARTS_OF_HELD_OUT,
+            Start::Measured { .. } => 0,
+        };
+        let all: Vec<usize> = (0..self.recordings.held_out.windows.len()).collect();
+        let (mut loss, mut diverged) = (0.0, 0);
+        for round in 0..=rounds {
+            (loss, diverged) = (0.0, 0);
+            for batch in all.chunks(self.options.batch) {
+                let setting = setting(&self.recordings);
+                let (learner, recordings) = (&self.learner, &self.recordings);
+                let used = batch.len().div_ceil(CHUNK);
+                self.chunks[..used]
+                    .par_iter_mut()
+                    .zip(batch.par_chunks(CHUNK))
+                    .try_for_each(|(chunk, batch)| {
+                        let members = members(recordings, &recordings.held_out, batch);
+                        let members = &members[..batch.len()];
+                        chunk.forward(&setting, learner, members)?;
+                        if round < rounds {
+                            chunk.backward(&setting, learner, members);
+                        }
+                        Ok(())
+                    })
+                    .map_err(Error::Mechanics)?;
+                for chunk in &self.chunks[..used] {
+                    loss += chunk.loss;
+                    diverged += chunk.diverged;
+                }
+                if round < rounds {
+                    improve(&mut self.recordings.held_out, batch, &self.chunks[..used]);
+                }
+            }
+        }
+        Ok((loss / self.terms(all.len() - diverged), diverged))
+    }
+
+    /// The same of a network that gives no force.
+    pub(super) fn held_out_without_network(&mut self) -> Result<f64, Error> {
+        let own = self.learner.network.clone();
+        let starts = self.recordings.held_out.clone();
+        let last = own.shape().layers().last();
+        let range = last.map_or(0..0, |layer| layer.weights..layer.biases + layer.outputs);
+        self.learner.network.parameters_mut()[range].fill(T::from_f64(0.0));
+        let found = self.held_out();
+        self.learner.network = own;
+        self.recordings.held_out = starts;
+        Ok(found?.0)
+    }
+
+    /// The network as a force.
+    pub(super) fn force(&self, network: &Mlp<T>) -> Result<LearntForce, Error> {
+        LearntForce::new(
+            network.convert(),
+            self.learner.features.clone(),
+            self.learner.outputs.clone(),
+            self.options.alone,
+        )
+        .map_err(|e| Error::io("the network".as_ref(), std::io::Error::other(e)))
+    }
+
+    fn with_network(&self, network: &Mlp<T>) -> Result<crate::hybrid::Hybrid, Error> {
+        let mut hybrid = self.recordings.hybrid.clone();
+        hybrid.add_network(self.force(network)?.into());
+        Ok(hybrid)
+    }
+}
+
+/// Lets the starts of a batch follow the network.
+fn improve<T: Real>(side: &mut Side, batch: &[usize], chunks: &[Chunk<T>]) {
+    for (chunk, batch) in chunks.iter().zip(batch.chunks(CHUNK)) {
+        for (k, &index) in batch.iter().enumerate() {
+            side.improve_start(index, chunk.by_start_of(k));
+        }
+    }
+}
+
+fn setting(recordings: &Recordings) -> Setting<'_> {
+    Setting {
+        hybrid: &recordings.hybrid,
+        theta: &recordings.theta,
+        free: &[],
+        loss: &recordings.loss,
+        samples: recordings.horizon,
+    }
+}
+
+/// The windows of one chunk; the first of them again and again in the places that are not needed.
+fn members<'a>(recordings: &'a Recordings, side: &'a Side, batch: &[usize]) -> [Member<'a>; CHUNK] {
+    std::array::from_fn(|k| recordings.member(side, *batch.get(k).unwrap_or(&batch[0])))
+}
+
+/// 2, 4, 8, …
+fn is_refit(epoch: usize) -> bool {
+    epoch > FIRST_REFIT && (epoch - 1).is_power_of_two()
+}

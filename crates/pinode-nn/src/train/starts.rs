@@ -1,0 +1,116 @@
+//! The states that windows start from, where they are fitted: what the network gains is to be its own, not that of a start that fits an older one.
+//!
+//! For given weights the loss J of a window has its least over the start x₀ at some x₀(W), and there dJ(W, x₀(W))/dW = ∂J/∂W. So the starts
+//! follow the weights: whenever a window is seen, x₀ ← x₀ − H⁻¹ ∂J/∂x₀, H = 2 Σ λ_i s_i s_iᵀ (Gauss and Newton), s_i the derivatives of the
+//! compared numbers in x₀. H changes slowly: it is taken anew now and then.
+
+use nalgebra::{Cholesky, DMatrix};
+use rayon::prelude::*;
+
+use super::data::{Recordings, Side};
+use super::physics::STATE_STEPS;
+use crate::hybrid::Hybrid;
+use crate::shooting::{FitOptions, HiddenPrior, Roller, Trajectory, fit};
+
+/// H is greater by this share of its diagonal: what a window hardly determines moves slowly.
+const DAMPING: f64 = 1e-3;
+
+impl Recordings {
+    /// Fits the start of every window to its measurements, everything else as it is in `hybrid`, and takes H there.
+    pub fn fit_starts(&mut self, hybrid: &Hybrid) {
+        self.seen = self.fitted(&self.seen, hybrid);
+        self.held_out = self.fitted(&self.held_out, hybrid);
+    }
+
+    fn fitted(&self, side: &Side, hybrid: &Hybrid) -> Side {
+        let fitted = fit(
+            hybrid,
+            &self.observations,
+            &side.windows,
+            &[],
+            self.theta.clone(),
+            side.starts.clone(),
+            self.noise(),
+            &HiddenPrior::none(side.windows.len()),
+            &FitOptions {
+                substeps: self.substeps,
+                iterations: 0,
+                state_iterations: STATE_STEPS,
+            },
+        );
+        let mut side = Side {
+            windows: side.windows.clone(),
+            starts: fitted.states,
+            curvatures: Vec::new(),
+        };
+        side.curvatures = (0..side.windows.len())
+            .into_par_iter()
+            .map_init(
+                || (Roller::new(hybrid, &[]), Trajectory::default()),
+                |(roller, trajectory), index| {
+                    self.curvature(&side, index, hybrid, roller, trajectory)
+                },
+            )
+            .collect();
+        side
+    }
+
+    /// H⁻¹ of a window, column after column; 0 where it has no motion: its start then stays.
+    fn curvature(
+        &self,
+        side: &Side,
+        index: usize,
+        hybrid: &Hybrid,
+        roller: &mut Roller<'_>,
+        trajectory: &mut Trajectory,
+    ) -> Vec<f64> {
+        let nx = hybrid.nx();
+        let member = self.member(side, index);
+        let span = (member.first, self.horizon + 1);
+        let rolled = roller.roll_with_sensitivities(
+            &self.theta,
+            member.inputs,
+            span,
+            member.start,
+            trajectory,
+        );
+        let mut matrix = DMatrix::zeros(nx, nx);
+        if rolled.is_ok() {
+            for sample in self.loss.first..=self.horizon {
+                let x = &trajectory.states[sample * nx..][..nx];
+                let s = &trajectory.sensitivities[sample * nx * nx..][..nx * nx];
+                let at = member.first + sample;
+                self.loss.residuals(
+                    member.target,
+                    at,
+                    |i| x[i],
+                    |i, weight, _| {
+                        let row = nalgebra::DVector::from_fn(nx, |k, _| s[k * nx + i]);
+                        matrix.ger(2.0 * weight, &row, &row, 1.0);
+                    },
+                );
+            }
+        }
+        for k in 0..nx {
+            matrix[(k, k)] *= 1.0 + DAMPING;
+        }
+        match Cholesky::new(matrix) {
+            Some(factor) => factor.inverse().as_slice().to_vec(),
+            None => vec![0.0; nx * nx],
+        }
+    }
+}
+
+impl Side {
+    /// One step of Gauss and Newton of the start of window `index`, where ∂J/∂x₀ is `gradient`.
+    pub fn improve_start(&mut self, index: usize, gradient: &[f64]) {
+        let nx = gradient.len();
+        let columns = self.curvatures[index].chunks_exact(nx).zip(gradient);
+        let start = &mut self.starts[index];
+        for (column, gradient) in columns {
+            for (x, entry) in start.iter_mut().zip(column) {
+                *x -= entry * gradient;
+            }
+        }
+    }
+}

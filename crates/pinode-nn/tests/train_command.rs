@@ -1,0 +1,250 @@
+//! `pinode train` as its users see it: a force that no effect in the library has is learnt from a log, and what was learnt is a model.
+#![allow(clippy::unwrap_used)]
+#![cfg(feature = "cli")]
+
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use pinode_nn::model::Model;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+use serde_json::Value;
+
+/// kg.
+const MASS: f64 = 2.0;
+/// Standard deviation of the measured position, m.
+const NOISE: f64 = 1e-3;
+
+const MODEL: &str = r#"
+name = "sledge"
+
+[lagrangian]
+coordinates = ["x"]
+kinetic = "0.5*m*x_dot^2"
+potential = "0"
+parameters = { m = 2.0 }
+
+[[input]]
+name = "push"
+joint = "x"
+
+[sensor.x]
+position_noise = 1e-3
+velocity = "none"
+
+[tolerance]
+gain = 0.0
+parameters = { m = 0.0 }
+"#;
+
+/// The force that the model lacks, N at v m/s.
+fn missing(v: f64) -> f64 {
+    -1.5 * v - 1.2 * (3.0 * v).sin()
+}
+
+/// A log of m v̇ = u + missing(v) with u held over every sample of 0.02 s, by steps of 0.5 ms.
+fn log(seed: u64, duration: f64) -> String {
+    let (h, parts) = (0.02, 40);
+    let dt = h / f64::from(parts);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let (mut x, mut v, mut u) = (0.0, 0.0, 0.0);
+    let mut text = "t,q.x,u.push\n".to_owned();
+    for k in 0..(duration / h) as usize {
+        if k % 20 == 0 {
+            // A new push every 0.4 s, towards the middle where the sledge has gone far.
+            u = rng.random_range(-6.0..6.0) - 1.0 * x;
+        }
+        let noise: f64 = rng.sample(StandardNormal);
+        text += &format!("{},{},{u}\n", h * k as f64, x + NOISE * noise);
+        for _ in 0..parts {
+            let rate = |v: f64| (u + missing(v)) / MASS;
+            let middle = v + 0.5 * dt * rate(v);
+            x += dt * middle;
+            v += dt * rate(middle);
+        }
+    }
+    text
+}
+
+fn pinode(arguments: &[&str], folder: &Path) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pinode"));
+    command
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .unwrap()
+}
+
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("sledge.toml"), MODEL).unwrap();
+    std::fs::write(folder.path().join("log.csv"), log(1, 60.0)).unwrap();
+    folder
+}
+
+const TRAIN: &[&str] = &[
+    "train",
+    "sledge.toml",
+    "log.csv",
+    "--joint",
+    "x",
+    "--sees",
+    "v.x",
+    "--units",
+    "16,16",
+    "--activation",
+    "tanh",
+    "--rate",
+    "0.01",
+];
+
+fn rmse(folder: &Path, model: &str) -> f64 {
+    let arguments = [
+        "evaluate",
+        model,
+        "fresh.csv",
+        "--initial",
+        "estimated",
+        "--json",
+    ];
+    let output = pinode(&arguments, folder);
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let json: Value = serde_json::from_slice(&output.stdout).unwrap();
+    json["coordinates"][0]["rmse"].as_f64().unwrap()
+}
+
+#[test]
+fn a_force_that_no_effect_has_is_learnt_and_the_gap_shrinks_on_a_fresh_log() {
+    let folder = folder();
+    let folder = folder.path();
+    let arguments = [TRAIN, &["--epochs", "150", "--out", "out", "--json"]].concat();
+    let output = pinode(&arguments, folder);
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let number = |key: &str| report[key].as_f64().unwrap();
+    // In units of the noise: 0.9 of the true force, whose starts are fitted to two of the 21 numbers of each window.
+    assert!(number("held_out") < 1.3, "{report}");
+    assert!(
+        number("held_out_without_network") > 10.0 * number("held_out"),
+        "{report}"
+    );
+    assert_eq!(report["network"]["features"][0]["name"], "v.x");
+
+    std::fs::write(folder.join("fresh.csv"), log(2, 20.0)).unwrap();
+    let (before, after) = (rmse(folder, "sledge.toml"), rmse(folder, "out/model.toml"));
+    assert!(after < 0.1 * before, "{after} after {before}");
+
+    // The force itself, where the log has been.
+    let model = Model::load(&folder.join("out/model.toml")).unwrap();
+    let [network] = model.networks.as_slice() else {
+        panic!("one network is expected")
+    };
+    let [feature] = network.force.features() else {
+        panic!("one feature is expected")
+    };
+    let [low, high] = feature.range;
+    assert!(low < -1.0 && high > 1.0, "{low} {high}");
+    for k in 1..20 {
+        let v = 0.9 * (low + (high - low) * f64::from(k) / 20.0);
+        let z = (v - feature.offset) / feature.width;
+        let found = network.force.outputs()[0].scale * network.force.network().evaluate(&[z])[0];
+        assert!(
+            (found - missing(v)).abs() < 0.25,
+            "{found} for {} at {v} m/s",
+            missing(v)
+        );
+    }
+    // One line of metrics an epoch, and nothing left of the checkpoint.
+    let metrics = std::fs::read_to_string(folder.join("out/metrics.jsonl")).unwrap();
+    assert_eq!(
+        metrics.lines().count() as u64,
+        report["epochs"].as_u64().unwrap()
+    );
+    assert!(!folder.join("out/checkpoint.safetensors").exists());
+}
+
+/// Waits until the training has made its first checkpoint, then kills it.
+fn kill_after_a_checkpoint(mut child: Child, checkpoint: &Path) {
+    let began = Instant::now();
+    while !checkpoint.exists() && began.elapsed() < Duration::from_secs(120) {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
+
+#[test]
+fn a_killed_training_resumes_to_the_same_bits_on_any_number_of_threads() {
+    let folder = folder();
+    let folder = folder.path();
+    let train = |more: &[&str]| {
+        let output = pinode(
+            &[TRAIN, &["--epochs", "6", "--quiet"], more].concat(),
+            folder,
+        );
+        assert!(
+            output.status.success(),
+            "{}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+    };
+    let weights = |out: &str| std::fs::read(folder.join(out).join("network.safetensors")).unwrap();
+    train(&["--out", "whole", "--threads", "1"]);
+    train(&["--out", "threads", "--threads", "3"]);
+    assert!(weights("whole") == weights("threads"));
+
+    let child = Command::new(env!("CARGO_BIN_EXE_pinode"))
+        .args(TRAIN)
+        .args(["--epochs", "6", "--quiet", "--out", "killed"])
+        .current_dir(folder)
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let checkpoint = folder.join("killed/checkpoint.safetensors");
+    kill_after_a_checkpoint(child, &checkpoint);
+    assert!(checkpoint.exists());
+    // Another training does not go on from it.
+    let other = [TRAIN, &["--epochs", "7", "--out", "killed", "--resume"]].concat();
+    let refused = pinode(&other, folder);
+    assert_eq!(refused.status.code(), Some(1));
+    let words = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(words.contains("of another training"), "{words}");
+    train(&["--out", "killed", "--resume"]);
+    assert!(weights("whole") == weights("killed"));
+}
+
+#[test]
+fn what_cannot_be_trained_is_said_before_the_work() {
+    let folder = folder();
+    let folder = folder.path();
+    let cases: &[(&[&str], &str)] = &[
+        (&["--joint", "y"], "unknown joint `y`"),
+        (&["--joint", "x", "x"], "given twice"),
+        (&["--joint", "x", "--sees", "v.y"], "cannot see `v.y`"),
+        (&["--joint", "x", "--units", "0"], "has no unit"),
+        (&["--joint", "x", "--horizon", "80"], "no window of 79.99"),
+        (&["--joint", "x", "--rate", "0"], "learning rate is 0"),
+    ];
+    for (arguments, expected) in cases {
+        let all = [
+            &["train", "sledge.toml", "log.csv", "--out", "out"],
+            *arguments,
+        ]
+        .concat();
+        let output = pinode(&all, folder);
+        let words = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{words}");
+        assert!(words.contains(expected), "{words} for {expected}");
+        assert!(!folder.join("out/model.toml").exists());
+    }
+}
