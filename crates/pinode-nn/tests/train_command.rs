@@ -39,9 +39,9 @@ gain = 0.0
 parameters = { m = 0.0 }
 "#;
 
-/// The force that the model lacks, N at v m/s.
+/// The force that the model lacks, N at v m/s. It falls everywhere: where it rose, motions would leave so fast that no log tells it.
 fn missing(v: f64) -> f64 {
-    -1.5 * v - 1.2 * (3.0 * v).sin()
+    -1.5 * v - 0.6 * (2.0 * v).sin()
 }
 
 /// A log of m v̇ = u + missing(v) with u held over every sample of 0.02 s, by steps of 0.5 ms.
@@ -93,11 +93,11 @@ const TRAIN: &[&str] = &[
     "--sees",
     "v.x",
     "--units",
-    "16,16",
+    "32,32",
     "--activation",
     "tanh",
     "--rate",
-    "0.01",
+    "0.005",
 ];
 
 fn rmse(folder: &Path, model: &str) -> f64 {
@@ -142,9 +142,10 @@ fn a_force_that_no_effect_has_is_learnt_and_the_gap_shrinks_on_a_fresh_log() {
 
     std::fs::write(folder.join("fresh.csv"), log(2, 20.0)).unwrap();
     let (before, after) = (rmse(folder, "sledge.toml"), rmse(folder, "out/model.toml"));
-    assert!(after < 0.1 * before, "{after} after {before}");
+    // What is left is of the starts: 60 ms of positions to 1 mm tell a velocity to 2 cm/s.
+    assert!(after < 0.25 * before, "{after} after {before}");
 
-    // The force itself, where the log has been.
+    // The force itself, where nine tenths of the log are.
     let model = Model::load(&folder.join("out/model.toml")).unwrap();
     let [network] = model.networks.as_slice() else {
         panic!("one network is expected")
@@ -153,10 +154,10 @@ fn a_force_that_no_effect_has_is_learnt_and_the_gap_shrinks_on_a_fresh_log() {
         panic!("one feature is expected")
     };
     let [low, high] = feature.range;
-    assert!(low < -1.0 && high > 1.0, "{low} {high}");
-    for k in 1..20 {
-        let v = 0.9 * (low + (high - low) * f64::from(k) / 20.0);
-        let z = (v - feature.offset) / feature.width;
+    assert!(low < -1.5 && high > 1.5, "{low} {high}");
+    for k in -8..=8 {
+        let z = 0.2 * f64::from(k);
+        let v = feature.offset + feature.width * z;
         let found = network.force.outputs()[0].scale * network.force.network().evaluate(&[z])[0];
         assert!(
             (found - missing(v)).abs() < 0.25,

@@ -22,12 +22,16 @@
 //! let errors = true_errors(&strong, &test, (1000, 30), StartsAt::Measured, 3)?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+mod contestants;
+mod experiment;
 pub mod operator;
 mod recording;
 mod rig;
 pub mod table;
 mod windows;
 
+pub use contestants::Contestant;
+pub use experiment::{Errors, Experiment, Outcome, Row, Table};
 pub use recording::{Recording, Truth};
 pub use rig::{Friction, PaperRig, Start};
 pub use windows::{StartsAt, true_errors};
@@ -44,6 +48,9 @@ pub enum Error {
     /// Its motion.
     #[error(transparent)]
     Rig(#[from] crate::rig::Error),
+    /// A model, its training or its evaluation.
+    #[error(transparent)]
+    Model(#[from] pinode_nn::Error),
     /// Settings that have been changed to what no rig has.
     #[error("{key} {message}")]
     Setting {

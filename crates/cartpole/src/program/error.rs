@@ -18,6 +18,9 @@ pub enum Error {
     /// The rig.
     #[error(transparent)]
     Rig(#[from] rig::Error),
+    /// The paper's experiment.
+    #[error(transparent)]
+    Paper(#[from] crate::paper::Error),
     /// The diagnosis, or a file of it.
     #[error(transparent)]
     Diagnosis(#[from] pinode_nn::Error),
@@ -27,7 +30,9 @@ impl Error {
     /// Writes it to stderr; of a faulty text all faults.
     pub(super) fn tell(&self, output: &Output) {
         match self {
-            Error::Diagnosis(error) => output.error(error),
+            Error::Diagnosis(error) | Error::Paper(crate::paper::Error::Model(error)) => {
+                output.error(error);
+            }
             Error::Config(ConfigError::Problems(problems))
             | Error::Rig(rig::Error::Urdf(problems)) => output.problems(problems),
             other => output.failure(other),

@@ -3,6 +3,7 @@
 
 mod error;
 pub mod judge;
+mod paper;
 mod setting;
 mod story;
 
@@ -33,6 +34,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// The paper's experiment: pure ODE, PINODE as published and this library's models learn from one recording and run free over another
+    Paper(paper::Arguments),
     /// Only write the log, the model that lacks the hidden effect, and the key that names it
     Rig,
 }
@@ -156,12 +159,17 @@ fn usage(error: &clap::Error) -> ExitCode {
 }
 
 fn execute(cli: &Cli, output: &Output) -> Result<(), Error> {
+    if let Some(Command::Paper(arguments)) = cli.command {
+        let models = cli.options.models.clone().unwrap_or_else(setting::models);
+        let out = cli.options.out.join("paper");
+        return paper::run(arguments, &models, &out, cli.options.seed, output);
+    }
     let given = cli.options.secret.or(cli.options.seed);
     let seed = given.unwrap_or_else(seed_of_the_clock);
     let setting = Setting::read(&cli.options, seed)?;
     match cli.command {
         Some(Command::Rig) => story::rig(&setting, output),
-        None => story::whole(&setting, output),
+        _ => story::whole(&setting, output),
     }
 }
 

@@ -68,7 +68,7 @@ fn key(options: &Options) -> PathBuf {
 }
 
 /// `models/cartpole` of the working folder, or else of the sources that this program was built from.
-fn models() -> PathBuf {
+pub(super) fn models() -> PathBuf {
     let here = Path::new("models/cartpole");
     match here.join("rig.toml").exists() {
         true => here.to_owned(),

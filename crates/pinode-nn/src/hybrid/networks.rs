@@ -5,6 +5,7 @@ use lagrange::LANES;
 use super::forces::{By, Of};
 use super::{DrivenInputs, Eight, Hybrid, Lane, State};
 use crate::learnt::{Room, Seen, Sight};
+use crate::network::Processor;
 
 /// Memory of one thread for all networks of a model.
 pub(super) struct NetworkMemory {
@@ -31,6 +32,7 @@ impl Hybrid {
             eight: *eight,
             starts: &self.starts,
             nq: self.nq(),
+            processor: Processor::here(),
         }
     }
 

@@ -2,10 +2,12 @@
 //!
 //! z_k = (x_k − o_k)/w_k.
 
-use lagrange::{Coordinate, LANES};
+use lagrange::{Coordinate, LANES, Lanes, Scalar};
+use pulp::{Simd, WithSimd};
 
 use crate::entries::Start;
 use crate::hybrid::{Eight, Lane};
+use crate::network::Processor;
 
 /// A quantity that a network may see.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -98,15 +100,52 @@ pub struct Feature {
     pub range: [f64; 2],
 }
 
+/// Sines and cosines of eight angles, to 1.5 units in the last place.
+pub(crate) struct SinCos<'a>(pub &'a Lane);
+
+impl WithSimd for SinCos<'_> {
+    type Output = [Lane; 2];
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> [Lane; 2] {
+        match S::IS_SCALAR {
+            true => [self.0.map(f64::sin), self.0.map(f64::cos)],
+            // All instruction sets with vectors that are asked for have fused products.
+            false => {
+                let (sin, cos) = Lanes::<true>(*self.0).sin_cos();
+                [sin.0, cos.0]
+            }
+        }
+    }
+}
+
 /// z in eight states, one an input.
+#[inline(always)]
 pub(crate) fn see(features: &[Feature], x: &[Lane], at: &Seen<'_>, z: &mut [Lane]) {
+    // Sine and cosine of an angle mostly stand together.
+    let mut last: Option<(usize, [Lane; 2])> = None;
     for (z, feature) in z.iter_mut().zip(features) {
-        let values = at.quantity(x, feature.quantity);
-        *z = values.map(|x| (x - feature.offset) / feature.width);
+        let values = match feature.quantity {
+            Quantity::Position(c) => x[at.starts[c].q],
+            Quantity::Velocity(c) => x[at.nq + at.starts[c].v],
+            Quantity::Cosine(c) | Quantity::Sine(c) => {
+                let both = at.sin_cos(x, c, &mut last);
+                both[usize::from(feature.quantity == Quantity::Cosine(c))]
+            }
+            Quantity::Input { input, back } => std::array::from_fn(|lane| {
+                at.eight.inputs[lane].forces[input].value[at.step(lane, back)]
+            }),
+        };
+        let mut out = [0.0; LANES];
+        for (out, x) in out.iter_mut().zip(values) {
+            *out = (x - feature.offset) / feature.width;
+        }
+        *z = out;
     }
 }
 
 /// Chain rule: from ∂J/∂z to ∂J/∂x of positions, velocities and the inputs' forces, each given to `add`.
+#[inline(always)]
 pub(crate) fn chain(
     features: &[Feature],
     x: &[Lane],
@@ -114,24 +153,28 @@ pub(crate) fn chain(
     by_z: &[Lane],
     mut add: impl FnMut(Sight, Lane),
 ) {
+    let mut last = None;
     for (feature, by_z) in features.iter().zip(by_z) {
-        let by = by_z.map(|d| d / feature.width);
+        let mut by = *by_z;
+        for by in &mut by {
+            *by /= feature.width;
+        }
         match feature.quantity {
             Quantity::Position(c) => add(Sight::Position(at.starts[c].v), by),
             Quantity::Velocity(c) => add(Sight::Velocity(at.starts[c].v), by),
             Quantity::Cosine(c) => {
-                let q = x[at.starts[c].q];
-                add(
-                    Sight::Position(at.starts[c].v),
-                    std::array::from_fn(|l| -by[l] * q[l].sin()),
-                );
+                let [sin, _] = at.sin_cos(x, c, &mut last);
+                for (by, sin) in by.iter_mut().zip(sin) {
+                    *by *= -sin;
+                }
+                add(Sight::Position(at.starts[c].v), by);
             }
             Quantity::Sine(c) => {
-                let q = x[at.starts[c].q];
-                add(
-                    Sight::Position(at.starts[c].v),
-                    std::array::from_fn(|l| by[l] * q[l].cos()),
-                );
+                let [_, cos] = at.sin_cos(x, c, &mut last);
+                for (by, cos) in by.iter_mut().zip(cos) {
+                    *by *= cos;
+                }
+                add(Sight::Position(at.starts[c].v), by);
             }
             Quantity::Input { input, back } => {
                 for (lane, &by) in by.iter().enumerate() {
@@ -168,24 +211,27 @@ pub(crate) struct Seen<'a> {
     pub starts: &'a [Start],
     /// Length of q.
     pub nq: usize,
+    /// Whose instructions sines are computed with.
+    pub processor: Processor,
 }
 
 impl Seen<'_> {
     /// The integration step of a lane `back` samples ago; the first of its recording where that was before it.
+    #[inline(always)]
     fn step(&self, lane: usize, back: usize) -> usize {
         self.eight.steps[lane].saturating_sub(back * self.eight.inputs[lane].grid.substeps)
     }
 
-    /// A quantity in eight states.
-    pub fn quantity(&self, x: &[Lane], quantity: Quantity) -> Lane {
-        match quantity {
-            Quantity::Position(c) => x[self.starts[c].q],
-            Quantity::Cosine(c) => x[self.starts[c].q].map(f64::cos),
-            Quantity::Sine(c) => x[self.starts[c].q].map(f64::sin),
-            Quantity::Velocity(c) => x[self.nq + self.starts[c].v],
-            Quantity::Input { input, back } => std::array::from_fn(|lane| {
-                self.eight.inputs[lane].forces[input].value[self.step(lane, back)]
-            }),
+    /// Sine and cosine of coordinate `c`, those in `last` where they are its.
+    #[inline(always)]
+    fn sin_cos(&self, x: &[Lane], c: usize, last: &mut Option<(usize, [Lane; 2])>) -> [Lane; 2] {
+        match *last {
+            Some((of, both)) if of == c => both,
+            _ => {
+                let both = self.processor.run(SinCos(&x[self.starts[c].q]));
+                *last = Some((c, both));
+                both
+            }
         }
     }
 }

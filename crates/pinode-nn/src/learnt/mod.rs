@@ -5,7 +5,7 @@ mod force;
 pub mod weights;
 
 pub use feature::{Feature, MOST_BACK, Quantity};
-pub(crate) use feature::{Seen, Sight, chain, see};
+pub(crate) use feature::{Seen, Sight, SinCos, chain, see};
 pub(crate) use force::Room;
 pub use force::{LearntForce, Misfit, Output};
 pub use weights::{Card, Names};

@@ -116,7 +116,7 @@ pub fn write(path: &Path, force: &LearntForce, card: &Card, single: bool) -> Res
     write_atomically(path, &to_bytes(path, force, card, single)?)
 }
 
-/// The bytes of the file that [`write`] writes.
+/// The bytes of the file that [`write()`] writes.
 ///
 /// # Errors
 /// [`Error::Io`] when the card is no JSON: it holds a number that is not finite.

@@ -25,6 +25,7 @@ mod tape;
 mod tests;
 
 pub use mlp::Mlp;
+pub(crate) use processor::Processor;
 pub use real::Real;
 pub use shape::{Activation, Layer, Shape, ShapeError};
 pub use single::Single;

@@ -4,7 +4,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 /// The instructions of the processor at hand.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Processor {
+pub(crate) enum Processor {
     /// AVX-512.
     #[cfg(target_arch = "x86_64")]
     V4(pulp::x86::V4),

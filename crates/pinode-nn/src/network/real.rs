@@ -68,6 +68,8 @@ pub trait Vectors: Sized + 'static {
     fn mul<S: Simd>(s: S, a: Self::Vector<S>, b: Self::Vector<S>) -> Self::Vector<S>;
     /// a / b.
     fn div<S: Simd>(s: S, a: Self::Vector<S>, b: Self::Vector<S>) -> Self::Vector<S>;
+    /// √x.
+    fn sqrt<S: Simd>(s: S, x: Self::Vector<S>) -> Self::Vector<S>;
     /// a · b + c, rounded once where the processor has an instruction for it, and else twice.
     fn mul_add<S: Simd>(
         s: S,
@@ -122,7 +124,7 @@ pub(super) fn vectors<T: Vectors, S: Simd>() -> usize {
 
 macro_rules! real {
     ($float:ident, $bits:ident, $vector:ident, $lanes:ident, $split:ident, $split_mut:ident, $splat:ident,
-     $add:ident, $sub:ident, $mul:ident, $div:ident, $mul_add:ident, $fused:ident, $reduce:ident, $select:ident, $greater:ident, $less:ident, $max:ident,
+     $add:ident, $sub:ident, $mul:ident, $div:ident, $sqrt:ident, $mul_add:ident, $fused:ident, $reduce:ident, $select:ident, $greater:ident, $less:ident, $max:ident,
      $and:ident, $or:ident, $xor:ident, $tanh:expr) => {
         impl Real for $float {
             #[inline(always)]
@@ -176,6 +178,10 @@ macro_rules! real {
             #[inline(always)]
             fn div<S: Simd>(s: S, a: S::$vector, b: S::$vector) -> S::$vector {
                 s.$div(a, b)
+            }
+            #[inline(always)]
+            fn sqrt<S: Simd>(s: S, x: S::$vector) -> S::$vector {
+                s.$sqrt(x)
             }
             #[inline(always)]
             fn mul_add<S: Simd>(s: S, a: S::$vector, b: S::$vector, c: S::$vector) -> S::$vector {
@@ -242,6 +248,7 @@ real!(
     sub_f32s,
     mul_f32s,
     div_f32s,
+    sqrt_f32s,
     mul_add_e_f32s,
     mul_add_f32s,
     reduce_sum_f32s,
@@ -280,6 +287,7 @@ real!(
     sub_f64s,
     mul_f64s,
     div_f64s,
+    sqrt_f64s,
     mul_add_e_f64s,
     mul_add_f64s,
     reduce_sum_f64s,

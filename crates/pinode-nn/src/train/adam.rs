@@ -1,8 +1,8 @@
 //! Adam (Kingma and Ba, 2015): m ← β₁ m + (1 − β₁) g, s ← β₂ s + (1 − β₂) g², x ← x − η m̂/(√ŝ + ε), m̂ and ŝ without their bias to 0.
 
-use pulp::{Arch, NullaryFnOnce};
+use pulp::{Simd, WithSimd};
 
-use crate::network::Real;
+use crate::network::{Processor, Real};
 
 /// β₁, β₂ and ε, as in the paper.
 const MEAN: f64 = 0.9;
@@ -28,16 +28,22 @@ impl<T: Real> Adam<T> {
         }
     }
 
-    /// One step of length `rate`.
-    pub fn step(&mut self, rate: f64, gradient: &[T], x: &mut [T]) {
+    /// One step of length `rate` along `scale` times `gradient`.
+    pub fn step(&mut self, rate: f64, scale: f64, gradient: &[T], x: &mut [T]) {
         self.steps += 1;
         let steps = self.steps as f64;
         let unbiased = rate * (1.0 - SQUARE.powf(steps)).sqrt() / (1.0 - MEAN.powf(steps));
         // √ŝ = √s/√(1 − β₂ᵗ), so ε takes that factor, too.
         let epsilon = EPSILON * (1.0 - SQUARE.powf(steps)).sqrt();
-        Arch::new().dispatch(Moments {
-            rate: unbiased,
-            epsilon,
+        Processor::here().run(Moments {
+            factors: [
+                MEAN,
+                (1.0 - MEAN) * scale,
+                SQUARE,
+                (1.0 - SQUARE) * scale * scale,
+                epsilon,
+                unbiased,
+            ],
             gradient,
             mean: &mut self.mean,
             square: &mut self.square,
@@ -47,26 +53,53 @@ impl<T: Real> Adam<T> {
 }
 
 struct Moments<'a, T> {
-    rate: f64,
-    epsilon: f64,
+    /// β₁ and (1 − β₁) c, β₂ and (1 − β₂) c², c the factor of the gradient; ε and the length of the step.
+    factors: [f64; 6],
     gradient: &'a [T],
     mean: &'a mut [T],
     square: &'a mut [T],
     x: &'a mut [T],
 }
 
-impl<T: Real> NullaryFnOnce for Moments<'_, T> {
+impl<T: Real> WithSimd for Moments<'_, T> {
     type Output = ();
 
     #[inline(always)]
-    fn call(self) {
-        let moments = self.mean.iter_mut().zip(self.square);
-        for ((x, gradient), (mean, square)) in self.x.iter_mut().zip(self.gradient).zip(moments) {
-            let g = gradient.to_f64();
-            let m = MEAN * mean.to_f64() + (1.0 - MEAN) * g;
-            let s = SQUARE * square.to_f64() + (1.0 - SQUARE) * g * g;
-            (*mean, *square) = (T::from_f64(m), T::from_f64(s));
-            *x = T::from_f64(x.to_f64() - self.rate * m / (s.sqrt() + self.epsilon));
+    fn with_simd<S: Simd>(self, s: S) {
+        let factors = self.factors.map(|x| T::splat(s, T::from_f64(x)));
+        let (gradient, rest) = T::split::<S>(self.gradient);
+        let (means, rest_of_means) = T::split_mut::<S>(self.mean);
+        let (squares, rest_of_squares) = T::split_mut::<S>(self.square);
+        let (xs, rest_of_xs) = T::split_mut::<S>(self.x);
+        let moments = means.iter_mut().zip(squares);
+        for ((x, &g), (mean, square)) in xs.iter_mut().zip(gradient).zip(moments) {
+            [*mean, *square, *x] = one::<T, S>(s, &factors, g, [*mean, *square, *x]);
+        }
+        let moments = rest_of_means.iter_mut().zip(rest_of_squares);
+        for ((x, &g), (mean, square)) in rest_of_xs.iter_mut().zip(rest).zip(moments) {
+            let splat = |x: T| T::splat(s, x);
+            let at = [splat(*mean), splat(*square), splat(*x)];
+            let after = one::<T, S>(s, &factors, splat(g), at);
+            let first = |v: &T::Vector<S>| T::numbers::<S>(v).first().copied();
+            if let [Some(m), Some(q), Some(new)] = after.each_ref().map(first) {
+                (*mean, *square, *x) = (m, q, new);
+            }
         }
     }
+}
+
+/// m, s and x after a step.
+#[inline(always)]
+fn one<T: Real, S: Simd>(
+    s: S,
+    [mean, of_mean, square, of_square, epsilon, rate]: &[T::Vector<S>; 6],
+    g: T::Vector<S>,
+    [m, q, x]: [T::Vector<S>; 3],
+) -> [T::Vector<S>; 3] {
+    let m = T::add(s, T::mul(s, *mean, m), T::mul(s, *of_mean, g));
+    let squared = T::mul(s, T::mul(s, *of_square, g), g);
+    let q = T::add(s, T::mul(s, *square, q), squared);
+    let width = T::add(s, T::sqrt(s, q), *epsilon);
+    let step = T::div(s, T::mul(s, *rate, m), width);
+    [m, q, T::sub(s, x, step)]
 }

@@ -9,12 +9,13 @@
 //! (∂v̇/∂Q)ᵀ k̄_v. Nothing is taped but the stages.
 
 use lagrange::LANES;
+use pulp::NullaryFnOnce;
 
-use super::loss::{Loss, Target};
+use super::loss::{Loss, Measured, Target};
 use crate::effect::Grid;
 use crate::hybrid::{DrivenInputs, Eight, EightMemory, Hybrid, Lane};
 use crate::learnt::{Feature, Output, Seen, Sight, chain, see};
-use crate::network::{Mlp, Real, Tape};
+use crate::network::{Mlp, Processor, Real, Tape};
 
 /// Windows that are rolled out together, on one thread. A batch is cut into such chunks whatever the number of threads.
 pub(crate) const CHUNK: usize = 64;
@@ -60,6 +61,7 @@ pub(crate) struct Setting<'a> {
 
 /// The loss of a chunk: its sum over windows, and its gradients.
 pub(crate) struct Chunk<T: Real> {
+    processor: Processor,
     tape: Tape<T>,
     eights: EightMemory,
     /// Entries of a state.
@@ -86,6 +88,8 @@ pub(crate) struct Chunk<T: Real> {
     alive: Vec<[bool; LANES]>,
     /// Which lanes are windows that have a motion to their end: the others count nothing, and may hold no numbers.
     live: Vec<[bool; LANES]>,
+    /// What the sum of a window counts for in the loss, to first order.
+    factors: Vec<Lane>,
     /// Σ of the windows' losses, without those that left the range of any mechanism.
     pub loss: f64,
     /// How many of these there were.
@@ -108,6 +112,7 @@ impl<T: Real> Chunk<T> {
         let columns = nx + setting.free.len();
         let zeros = |n: usize| vec![[0.0; LANES]; n];
         Chunk {
+            processor: Processor::here(),
             tape: Tape::new(learner.network.shape(), LANES * groups, 4 * steps),
             eights: hybrid.memory_of_eight(setting.free),
             nx,
@@ -124,6 +129,7 @@ impl<T: Real> Chunk<T> {
             z: zeros(learner.features.len()),
             alive: vec![[true; LANES]; groups * (steps + 1)],
             live: vec![[false; LANES]; groups],
+            factors: zeros(groups),
             loss: 0.0,
             diverged: 0,
             gradient: vec![T::from_f64(0.0); learner.network.parameters().len()],
@@ -142,6 +148,30 @@ impl<T: Real> Chunk<T> {
         learner: &Learner<T>,
         members: &[Member<'_>],
     ) -> Result<(), lagrange::Error> {
+        self.roll_out(setting, learner, members, true)
+    }
+
+    /// The same without what [`backward`](Self::backward) needs.
+    ///
+    /// # Errors
+    /// As [`forward`](Self::forward).
+    pub fn roll(
+        &mut self,
+        setting: &Setting<'_>,
+        learner: &Learner<T>,
+        members: &[Member<'_>],
+    ) -> Result<(), lagrange::Error> {
+        self.roll_out(setting, learner, members, false)
+    }
+
+    /// `keep`: whether every stage is kept, with its derivatives.
+    fn roll_out(
+        &mut self,
+        setting: &Setting<'_>,
+        learner: &Learner<T>,
+        members: &[Member<'_>],
+        keep: bool,
+    ) -> Result<(), lagrange::Error> {
         let (nx, n) = (self.nx, setting.hybrid.nv());
         let nq = setting.hybrid.nq();
         let groups = members.len().div_ceil(LANES);
@@ -155,34 +185,20 @@ impl<T: Real> Chunk<T> {
             }
         }
         for step in 0..self.steps {
-            for (stage, node) in NODES.into_iter().enumerate() {
-                let slot = 4 * step + stage;
-                for group in 0..groups {
-                    let at = eight_at(members, group, step);
-                    let h = step_of(&at);
-                    let x = &self.x[(step * self.groups + group) * nx..][..nx];
-                    let to = &mut self.stages[(slot * self.groups + group) * nx..][..nx];
-                    to.copy_from_slice(x);
-                    if stage > 0 {
-                        let k = &self.slopes[((stage - 1) * self.groups + group) * nx..][..nx];
-                        for (to, k) in to.iter_mut().zip(k) {
-                            add_scaled(to, &h, node, k);
-                        }
-                    }
-                    let alive = &mut self.alive[step * self.groups + group];
-                    keep_in_range(to, members, group, alive);
-                    see(
-                        &learner.features,
-                        to,
-                        &setting.hybrid.seen_of_eight(&at),
-                        &mut self.z,
-                    );
-                    for (k, z) in self.z.iter().enumerate() {
-                        *self.tape.input_mut(slot, k, group) = z.map(|z| T::from_f64(seen(z)));
-                    }
-                }
+            let stands = stands(members, step);
+            let stands = &stands[..groups];
+            let with = With {
+                setting,
+                learner,
+                members,
+                stands,
+                step,
+            };
+            for stage in 0..4 {
+                let slot = if keep { 4 * step + stage } else { 0 };
+                self.pass(with, Part::Prepare(stage, slot));
                 learner.network.forward(&mut self.tape, slot);
-                for group in 0..groups {
+                for (group, stand) in stands.iter().enumerate() {
                     let place = slot * self.groups + group;
                     self.eights.added.fill([0.0; LANES]);
                     for (o, output) in learner.outputs.iter().enumerate() {
@@ -190,30 +206,84 @@ impl<T: Real> Chunk<T> {
                         let y = self.tape.output(slot, o, group);
                         self.eights.added[v] = y.map(|y| output.scale * y.to_f64());
                     }
-                    let at = eight_at(members, group, step);
                     let x = &self.stages[place * nx..][..nx];
-                    setting
-                        .hybrid
-                        .linearize_eight(x, setting.theta, &at, &mut self.eights)?;
-                    let linear = &self.eights.linear;
-                    self.linear[place * linear.len()..][..linear.len()].copy_from_slice(linear);
-                    self.response[place * n * n..][..n * n].copy_from_slice(self.eights.response());
+                    let (hybrid, theta, at) = (setting.hybrid, setting.theta, &stand.at);
+                    if keep {
+                        hybrid.linearize_eight(x, theta, at, &mut self.eights)?;
+                        let linear = &self.eights.linear;
+                        self.linear[place * linear.len()..][..linear.len()].copy_from_slice(linear);
+                        let response = self.eights.response();
+                        self.response[place * n * n..][..n * n].copy_from_slice(response);
+                    } else {
+                        hybrid.accelerate_eight(x, theta, at, &mut self.eights, false)?;
+                    }
                     let k = &mut self.slopes[(stage * self.groups + group) * nx..][..nx];
                     k[..nq].copy_from_slice(&x[nq..nq + n]);
                     k[nq..].copy_from_slice(&self.eights.rates);
                 }
             }
-            self.advance(members, step, groups);
+            self.pass(with, Part::Advance);
         }
-        self.sum_up(setting, members, groups);
+        let with = With {
+            setting,
+            learner,
+            members,
+            stands: &[],
+            step: self.steps,
+        };
+        self.pass(with, Part::SumUp);
         Ok(())
     }
 
-    /// x⁺; a lane that leaves the range of mechanisms goes on from where its window began, and counts no more.
-    fn advance(&mut self, members: &[Member<'_>], step: usize, groups: usize) {
+    /// A part of the work, compiled for the processor.
+    fn pass(&mut self, with: With<'_, '_, T>, part: Part) {
+        let processor = self.processor;
+        processor.run(Pass {
+            chunk: self,
+            with,
+            part,
+        });
+    }
+
+    /// X_s of a stage, and what the network sees there.
+    #[inline(always)]
+    fn prepare(
+        &mut self,
+        setting: &Setting<'_>,
+        learner: &Learner<T>,
+        members: &[Member<'_>],
+        stands: &[Stand<'_>],
+        (step, stage, slot): (usize, usize, usize),
+    ) {
         let nx = self.nx;
-        for group in 0..groups {
-            let h = step_of(&eight_at(members, group, step));
+        for (group, stand) in stands.iter().enumerate() {
+            let x = &self.x[(step * self.groups + group) * nx..][..nx];
+            let to = &mut self.stages[(slot * self.groups + group) * nx..][..nx];
+            to.copy_from_slice(x);
+            if stage > 0 {
+                let k = &self.slopes[((stage - 1) * self.groups + group) * nx..][..nx];
+                for (to, k) in to.iter_mut().zip(k) {
+                    add_scaled(to, &stand.h, NODES[stage], k);
+                }
+            }
+            let alive = &mut self.alive[step * self.groups + group];
+            keep_in_range(to, members, group, alive);
+            let place = setting.hybrid.seen_of_eight(&stand.at);
+            see(&learner.features, to, &place, &mut self.z);
+            for (k, z) in self.z.iter().enumerate() {
+                let to = self.tape.input_mut(slot, k, group);
+                for (to, &z) in to.iter_mut().zip(z) {
+                    *to = T::from_f64(seen(z));
+                }
+            }
+        }
+    }
+
+    /// x⁺; a lane that leaves the range of mechanisms goes on from where its window began, and counts no more.
+    #[inline(always)]
+    fn advance(&mut self, members: &[Member<'_>], step: usize, stands: &[Stand<'_>]) {
+        let nx = self.nx;
+        for (group, Stand { h, .. }) in stands.iter().enumerate() {
             let (from, to) = self.x.split_at_mut((step + 1) * self.groups * nx);
             let from = &from[(step * self.groups + group) * nx..][..nx];
             let to = &mut to[group * nx..][..nx];
@@ -221,7 +291,7 @@ impl<T: Real> Chunk<T> {
             for (stage, weight) in [1.0, 2.0, 2.0, 1.0].into_iter().enumerate() {
                 let k = &self.slopes[(stage * self.groups + group) * nx..][..nx];
                 for (to, k) in to.iter_mut().zip(k) {
-                    add_scaled(to, &h, weight / 6.0, k);
+                    add_scaled(to, h, weight / 6.0, k);
                 }
             }
             let mut alive = self.alive[step * self.groups + group];
@@ -230,24 +300,33 @@ impl<T: Real> Chunk<T> {
         }
     }
 
+    #[inline(always)]
     fn sum_up(&mut self, setting: &Setting<'_>, members: &[Member<'_>], groups: usize) {
-        let nx = self.nx;
+        let (nx, loss) = (self.nx, setting.loss);
         (self.loss, self.diverged) = (0.0, 0);
+        let Some(first) = members.first() else {
+            return;
+        };
+        let substeps = first.inputs.grid.substeps;
+        let samples = (setting.samples + 1 - loss.first) as f64;
         for group in 0..groups {
-            for lane in 0..LANES {
-                let is_window = group * LANES + lane < members.len();
+            let mut sums = [0.0; LANES];
+            for sample in loss.first..=setting.samples {
+                let at = measured(members, group, sample);
+                let x = &self.x[(sample * substeps * self.groups + group) * nx..][..nx];
+                loss.add_eight(self.processor, &at, x, &mut sums);
+            }
+            let there = members.len() - group * LANES;
+            for (lane, &sum) in sums.iter().enumerate() {
+                let is_window = lane < there;
                 let live = is_window && self.alive[self.steps * self.groups + group][lane];
                 self.live[group][lane] = live;
                 self.diverged += usize::from(is_window && !live);
-                if !live {
-                    continue;
-                }
-                let member = lane_of(members, group, lane);
-                for sample in setting.loss.first..=setting.samples {
-                    let step = sample * member.inputs.grid.substeps;
-                    let x = &self.x[(step * self.groups + group) * nx..][..nx];
-                    let state = |i: usize| x[i][lane];
-                    self.loss += setting.loss.at(member.target, member.first + sample, state);
+                self.factors[group][lane] = 0.0;
+                if live {
+                    let (counted, slope) = loss.of_window(sum, samples);
+                    self.loss += counted;
+                    self.factors[group][lane] = slope;
                 }
             }
         }
@@ -260,28 +339,37 @@ impl<T: Real> Chunk<T> {
         learner: &Learner<T>,
         members: &[Member<'_>],
     ) {
-        let (nx, hybrid) = (self.nx, setting.hybrid);
+        let nx = self.nx;
         let groups = members.len().div_ceil(LANES);
         self.by_theta.fill(0.0);
         self.lambda.fill([0.0; LANES]);
         for step in (0..self.steps).rev() {
-            self.add_losses(setting, members, step + 1, groups);
+            let stands = stands(members, step);
+            let with = With {
+                setting,
+                learner,
+                members,
+                stands: &stands[..groups],
+                step,
+            };
+            self.pass(with, Part::AddLosses(step + 1));
             // `before` gathers ∂J/∂x at the beginning of the step.
             self.before.copy_from_slice(&self.lambda);
             for stage in (0..4).rev() {
-                let slot = 4 * step + stage;
-                for group in 0..groups {
-                    self.weigh(hybrid, members, (step, stage, group));
-                    self.seed(learner, hybrid, slot, group);
-                }
-                learner.network.backward(&mut self.tape, slot);
-                for group in 0..groups {
-                    self.pull_back(setting, learner, members, (step, stage, group));
-                }
+                self.pass(with, Part::Seed(stage));
+                learner.network.backward(&mut self.tape, 4 * step + stage);
+                self.pass(with, Part::PullBack(stage));
             }
             self.lambda.copy_from_slice(&self.before);
         }
-        self.add_losses(setting, members, 0, groups);
+        let with = With {
+            setting,
+            learner,
+            members,
+            stands: &[],
+            step: 0,
+        };
+        self.pass(with, Part::AddLosses(0));
         for group in 0..groups {
             for (i, lambda) in self.lambda[group * nx..][..nx].iter().enumerate() {
                 for (lane, &part) in lambda.iter().enumerate() {
@@ -294,6 +382,21 @@ impl<T: Real> Chunk<T> {
         learner
             .network
             .add_gradient(&self.tape, slots, &mut self.gradient);
+        // Windows on the way out of the range of mechanisms may have a slope beyond all numbers.
+        if !self.processor.run(AllFinite(&self.gradient)) {
+            self.gradient.fill(T::from_f64(0.0));
+            self.by_start.fill(0.0);
+            self.by_theta.fill(0.0);
+        }
+    }
+
+    /// The derivative of what one of the windows counts in its sum, see [`Loss::of_window`]; 0 where it has no motion to its end.
+    pub fn factor(&self, window: usize) -> f64 {
+        let (group, lane) = (window / LANES, window % LANES);
+        match self.live[group][lane] {
+            true => self.factors[group][lane],
+            false => 0.0,
+        }
     }
 
     /// ∂/∂ start of one of the windows.
@@ -302,6 +405,7 @@ impl<T: Real> Chunk<T> {
     }
 
     /// Adds to λ what the loss at the sample that ends with step `step` − 1 says; nothing where a lane does not count.
+    #[inline(always)]
     fn add_losses(
         &mut self,
         setting: &Setting<'_>,
@@ -310,54 +414,42 @@ impl<T: Real> Chunk<T> {
         groups: usize,
     ) {
         let nx = self.nx;
+        let substeps = members.first().map_or(1, |m| m.inputs.grid.substeps);
+        let sample = step / substeps;
+        if !step.is_multiple_of(substeps) || sample < setting.loss.first {
+            return;
+        }
         for group in 0..groups {
-            for lane in 0..LANES {
-                let member = lane_of(members, group, lane);
-                let substeps = member.inputs.grid.substeps;
-                let sample = step / substeps;
-                if !step.is_multiple_of(substeps)
-                    || sample < setting.loss.first
-                    || !self.live[group][lane]
-                {
-                    continue;
-                }
-                let x = &self.x[(step * self.groups + group) * nx..][..nx];
-                let lambda = &mut self.lambda[group * nx..][..nx];
-                let state = |i: usize| x[i][lane];
-                setting
-                    .loss
-                    .gradient(member.target, member.first + sample, state, |i, part| {
-                        lambda[i][lane] += part;
-                    });
-            }
+            let at = measured(members, group, sample);
+            let x = &self.x[(step * self.groups + group) * nx..][..nx];
+            let lambda = &mut self.lambda[group * nx..][..nx];
+            let factors = &self.factors[group];
+            setting
+                .loss
+                .add_gradient_of_eight(self.processor, &at, x, factors, lambda);
         }
     }
 
     /// k̄ of a stage, into `weights`: h b_s λ + h a_{s+1} X̄_{s+1}, where X̄ of the stage after is in `slopes`.
-    fn weigh(
-        &mut self,
-        hybrid: &Hybrid,
-        members: &[Member<'_>],
-        (step, stage, group): (usize, usize, usize),
-    ) {
-        debug_assert_eq!(hybrid.nx(), self.nx);
+    #[inline(always)]
+    fn weigh(&mut self, h: &Lane, stage: usize, group: usize) {
         let nx = self.nx;
-        let h = step_of(&eight_at(members, group, step));
         let to = &mut self.weights[group * nx..][..nx];
         to.fill([0.0; LANES]);
         let part = [1.0, 2.0, 2.0, 1.0][stage] / 6.0;
         for (to, lambda) in to.iter_mut().zip(&self.lambda[group * nx..][..nx]) {
-            add_scaled(to, &h, part, lambda);
+            add_scaled(to, h, part, lambda);
         }
         if stage < 3 {
             let after = &self.slopes[((stage + 1) * self.groups + group) * nx..][..nx];
             for (to, after) in to.iter_mut().zip(after) {
-                add_scaled(to, &h, NODES[stage + 1], after);
+                add_scaled(to, h, NODES[stage + 1], after);
             }
         }
     }
 
     /// The adjoints of the network's outputs: s_j Σ_i ∂v̇_i/∂Q_j k̄_i.
+    #[inline(always)]
     fn seed(&mut self, learner: &Learner<T>, hybrid: &Hybrid, slot: usize, group: usize) {
         let (n, nq, nx) = (hybrid.nv(), hybrid.nq(), self.nx);
         let response = &self.response[(slot * self.groups + group) * n * n..][..n * n];
@@ -371,21 +463,24 @@ impl<T: Real> Chunk<T> {
                 }
             }
             let sum = where_live(&sum, &self.live[group]);
-            *self.tape.seed_mut(slot, o, group) = sum.map(|s| T::from_f64(output.scale * s));
+            let seed = self.tape.seed_mut(slot, o, group);
+            for (seed, sum) in seed.iter_mut().zip(sum) {
+                *seed = T::from_f64(output.scale * sum);
+            }
         }
     }
 
     /// X̄ = (∂f/∂x)ᵀ k̄ into `slopes`, and added to `before`; the parts in θ_free to `by_theta`.
+    #[inline(always)]
     fn pull_back(
         &mut self,
         setting: &Setting<'_>,
         learner: &Learner<T>,
-        members: &[Member<'_>],
-        (step, stage, group): (usize, usize, usize),
+        at: &Eight<'_>,
+        (stage, slot, group): (usize, usize, usize),
     ) {
         let hybrid = setting.hybrid;
         let (n, nq, nx) = (hybrid.nv(), hybrid.nq(), self.nx);
-        let slot = 4 * step + stage;
         let place = slot * self.groups + group;
         let below = nx - nq;
         let columns = nx + setting.free.len();
@@ -412,10 +507,12 @@ impl<T: Real> Chunk<T> {
             }
         }
         for (k, z) in self.z.iter_mut().enumerate() {
-            *z = self.tape.input_gradient(slot, k, group).map(T::to_f64);
+            let from = self.tape.input_gradient(slot, k, group);
+            for (z, from) in z.iter_mut().zip(from) {
+                *z = from.to_f64();
+            }
         }
-        let at = eight_at(members, group, step);
-        let place_of: Seen<'_> = hybrid.seen_of_eight(&at);
+        let place_of: Seen<'_> = hybrid.seen_of_eight(at);
         let x = &self.stages[place * nx..][..nx];
         chain(
             &learner.features,
@@ -439,18 +536,109 @@ impl<T: Real> Chunk<T> {
     }
 }
 
-/// Puts lanes that have left the range of mechanisms to where their windows began: they are alive no more.
-fn keep_in_range(x: &mut [Lane], members: &[Member<'_>], group: usize, alive: &mut [bool; LANES]) {
-    let mut inside = [true; LANES];
-    for x in x.iter() {
-        for (inside, x) in inside.iter_mut().zip(x) {
-            *inside &= x.abs() <= BEYOND;
+/// What the parts of the work on one step share.
+struct With<'a, 'b, T: Real> {
+    setting: &'a Setting<'b>,
+    learner: &'a Learner<T>,
+    members: &'a [Member<'b>],
+    stands: &'a [Stand<'b>],
+    step: usize,
+}
+
+impl<T: Real> Clone for With<'_, '_, T> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<T: Real> Copy for With<'_, '_, T> {}
+
+/// A part of the work on all groups; stages and slots, but for the step of `AddLosses`.
+enum Part {
+    Prepare(usize, usize),
+    Advance,
+    SumUp,
+    AddLosses(usize),
+    Seed(usize),
+    PullBack(usize),
+}
+
+struct Pass<'c, 'a, 'b, T: Real> {
+    chunk: &'c mut Chunk<T>,
+    with: With<'a, 'b, T>,
+    part: Part,
+}
+
+impl<T: Real> NullaryFnOnce for Pass<'_, '_, '_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Pass { chunk, with, part } = self;
+        let With {
+            setting,
+            learner,
+            members,
+            stands,
+            step,
+        } = with;
+        let groups = members.len().div_ceil(LANES);
+        match part {
+            Part::Prepare(stage, slot) => {
+                chunk.prepare(setting, learner, members, stands, (step, stage, slot));
+            }
+            Part::Advance => chunk.advance(members, step, stands),
+            Part::SumUp => chunk.sum_up(setting, members, groups),
+            Part::AddLosses(step) => chunk.add_losses(setting, members, step, groups),
+            Part::Seed(stage) => {
+                for (group, Stand { h, .. }) in stands.iter().enumerate() {
+                    chunk.weigh(h, stage, group);
+                    chunk.seed(learner, setting.hybrid, 4 * step + stage, group);
+                }
+            }
+            Part::PullBack(stage) => {
+                for (group, Stand { at, .. }) in stands.iter().enumerate() {
+                    chunk.pull_back(setting, learner, at, (stage, 4 * step + stage, group));
+                }
+            }
         }
     }
-    if inside == [true; LANES] {
-        return;
+}
+
+/// Whether all are numbers.
+struct AllFinite<'a, T>(&'a [T]);
+
+impl<T: Real> NullaryFnOnce for AllFinite<'_, T> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn call(self) -> bool {
+        self.0
+            .iter()
+            .fold(true, |all, x| all & x.to_f64().is_finite())
     }
-    for lane in (0..LANES).filter(|&lane| !inside[lane]) {
+}
+
+/// Puts lanes that have left the range of mechanisms to where their windows began: they are alive no more.
+#[inline(always)]
+fn keep_in_range(x: &mut [Lane], members: &[Member<'_>], group: usize, alive: &mut [bool; LANES]) {
+    // No number is not inside.
+    let all_inside = x
+        .iter()
+        .flatten()
+        .fold(true, |all, x| all & (x.abs() <= BEYOND));
+    if !all_inside {
+        put_back(x, members, group, alive);
+    }
+}
+
+#[cold]
+fn put_back(x: &mut [Lane], members: &[Member<'_>], group: usize, alive: &mut [bool; LANES]) {
+    let outside = |x: &[Lane], lane: usize| !x.iter().all(|x| x[lane].abs() <= BEYOND);
+    for lane in 0..LANES {
+        if !outside(x, lane) {
+            continue;
+        }
         alive[lane] = false;
         for (x, &start) in x.iter_mut().zip(lane_of(members, group, lane).start) {
             x[lane] = if start.abs() <= BEYOND { start } else { 0.0 };
@@ -459,11 +647,13 @@ fn keep_in_range(x: &mut [Lane], members: &[Member<'_>], group: usize, alive: &m
 }
 
 /// The numbers of the lanes that count, 0 in the others.
+#[inline(always)]
 fn where_live(x: &Lane, live: &[bool; LANES]) -> Lane {
     std::array::from_fn(|lane| if live[lane] { x[lane] } else { 0.0 })
 }
 
 /// What a network is shown: nothing beyond what any state in the range of mechanisms should be.
+#[inline(always)]
 fn seen(z: f64) -> f64 {
     match z.is_nan() {
         true => 0.0,
@@ -474,6 +664,38 @@ fn seen(z: f64) -> f64 {
 /// The window in a lane; the first one where there are not so many.
 fn lane_of<'a, 'b>(members: &'b [Member<'a>], group: usize, lane: usize) -> &'b Member<'a> {
     members.get(group * LANES + lane).unwrap_or(&members[0])
+}
+
+/// Where eight windows stand at an integration step, and its lengths, s.
+#[derive(Clone, Copy)]
+struct Stand<'a> {
+    at: Eight<'a>,
+    h: Lane,
+}
+
+/// Those of all groups; the first one again for groups that there are not.
+fn stands<'a>(members: &[Member<'a>], step: usize) -> [Stand<'a>; CHUNK / LANES] {
+    let stand = |group: usize| {
+        let at = eight_at(members, group, step);
+        let h = step_of(&at);
+        Stand { at, h }
+    };
+    let mut all = [stand(0); CHUNK / LANES];
+    for (group, to) in all.iter_mut().enumerate().skip(1) {
+        if group * LANES < members.len() {
+            *to = stand(group);
+        }
+    }
+    all
+}
+
+/// What was measured of eight windows at their sample `sample`.
+#[inline(always)]
+fn measured<'a>(members: &[Member<'a>], group: usize, sample: usize) -> Measured<'a> {
+    Measured {
+        targets: std::array::from_fn(|lane| lane_of(members, group, lane).target),
+        samples: std::array::from_fn(|lane| lane_of(members, group, lane).first + sample),
+    }
 }
 
 /// Where eight windows stand at an integration step.
@@ -497,12 +719,14 @@ fn step_of(at: &Eight<'_>) -> Lane {
 }
 
 /// to += h factor k.
+#[inline(always)]
 fn add_scaled(to: &mut Lane, h: &Lane, factor: f64, k: &Lane) {
     for ((to, h), k) in to.iter_mut().zip(h).zip(k) {
         *to += factor * h * k;
     }
 }
 
+#[inline(always)]
 fn add_lane(to: &mut Lane, from: &Lane) {
     for (to, from) in to.iter_mut().zip(from) {
         *to += from;

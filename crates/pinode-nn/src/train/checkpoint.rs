@@ -48,7 +48,7 @@ impl<T: Real> Session<'_, T> {
         };
         // f64 holds every f32.
         let recordings = &self.recordings;
-        let tensors: [(&str, Vec<u8>); 8] = [
+        let tensors: [(&str, Vec<u8>); 10] = [
             ("adam.mean", of(&self.adam.mean)),
             ("adam.square", of(&self.adam.square)),
             ("best", of(self.best.parameters())),
@@ -57,6 +57,8 @@ impl<T: Real> Session<'_, T> {
             ("network", of(self.learner.network.parameters())),
             ("starts.held_out", flat(&recordings.held_out.starts)),
             ("starts.seen", flat(&recordings.seen.starts)),
+            ("trust.held_out", flat(&recordings.held_out.trust)),
+            ("trust.seen", flat(&recordings.seen.trust)),
         ];
         let mut views = Vec::new();
         for (name, bytes) in &tensors {
@@ -124,6 +126,7 @@ impl<T: Real> Session<'_, T> {
                 windows: side.windows.clone(),
                 starts: rows(&format!("starts.{name}"), &side.starts)?,
                 curvatures: rows(&format!("curvatures.{name}"), &side.curvatures)?,
+                trust: rows(&format!("trust.{name}"), &side.trust)?,
             })
         };
         let (seen, held_out) = (side("seen", seen)?, side("held_out", held_out)?);

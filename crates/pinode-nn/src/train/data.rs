@@ -58,6 +58,8 @@ pub(crate) struct Side {
     pub starts: Vec<Vec<f64>>,
     /// Where starts are fitted, H⁻¹ of the loss in them: see [`super::starts`].
     pub curvatures: Vec<Vec<f64>>,
+    /// Of each start: how far its window was from the measurements, the share of a step to make, and the start before.
+    pub trust: Vec<Vec<f64>>,
 }
 
 impl Recordings {
@@ -326,6 +328,7 @@ impl Side {
             windows: Vec::new(),
             starts: Vec::new(),
             curvatures: Vec::new(),
+            trust: Vec::new(),
         }
     }
 }
@@ -360,7 +363,8 @@ fn loss(hybrid: &Hybrid, observations: &Observations, options: &Options) -> Loss
     }
     let first = usize::from(options.start != Start::Fitted);
     let starts: Vec<_> = (0..coordinates.len()).map(|c| hybrid.start_of(c)).collect();
-    Loss::new(coordinates, &starts, hybrid.nq(), &weights, first)
+    let robust = options.start == Start::Fitted;
+    Loss::new(coordinates, &starts, hybrid.nq(), &weights, first, robust)
 }
 
 /// The measurements behind the zeros of the sensors. The paper's loss takes velocities as the log has them, differences among them.

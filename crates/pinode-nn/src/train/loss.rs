@@ -1,8 +1,11 @@
 //! How far a roll-out is from what was measured.
 
-use lagrange::Coordinate;
+use lagrange::{Coordinate, LANES};
 
 use crate::entries::Start;
+use crate::hybrid::Lane;
+use crate::learnt::SinCos;
+use crate::network::Processor;
 use crate::shooting::wrap_angle;
 
 /// What was measured in one recording, behind the zeros of the sensors.
@@ -16,6 +19,9 @@ pub(crate) struct Target {
     pub valid: [Vec<Vec<bool>>; 2],
 }
 
+/// κ of a [robust](Loss::robust) loss, in squares of the sensors' noise: ten deviations. Less, and a network would give up what is rare.
+const FAR: f64 = 100.0;
+
 /// Σ_c λ_c (q_c − q′_c)² + μ_c (v_c − v′_c)² over the samples of a window; of an angle that wraps, (cos q − cos q′)² + (sin q − sin q′)² takes the
 /// place of the first square (Roehrl et al. 2020, eq. 11).
 #[derive(Debug, Clone, PartialEq)]
@@ -23,6 +29,9 @@ pub(crate) struct Loss {
     channels: Vec<Channel>,
     /// The first sample that counts: 1 where windows start from what was measured, 0 where their start is free.
     pub first: usize,
+    /// Whether a window counts n κ ln(1 + S/(n κ)), S its sum over n samples, instead of S: far from the measurements, as chaos takes it, it counts
+    /// little more, and does not own the sum.
+    pub robust: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,6 +53,7 @@ impl Loss {
         nq: usize,
         weights: &[[f64; 2]],
         first: usize,
+        robust: bool,
     ) -> Self {
         let channel = |((coordinate, start), weight): ((&Coordinate, &Start), &[f64; 2])| Channel {
             q: start.q,
@@ -56,6 +66,26 @@ impl Loss {
         Loss {
             channels: channels.map(channel).collect(),
             first,
+            robust,
+        }
+    }
+
+    /// What a window counts with the sum `s` over `n` samples, and the derivative of that in `s`.
+    pub fn of_window(&self, s: f64, n: f64) -> (f64, f64) {
+        match self.robust {
+            true => {
+                let far = s / (n * FAR);
+                (n * FAR * far.ln_1p(), 1.0 / (1.0 + far))
+            }
+            false => (s, 1.0),
+        }
+    }
+
+    /// The typical sum at one sample where windows count `mean` a sample.
+    pub fn typical(&self, mean: f64) -> f64 {
+        match self.robust {
+            true => FAR * (mean / FAR).exp_m1(),
+            false => mean,
         }
     }
 
@@ -81,7 +111,53 @@ impl Loss {
         }
     }
 
+    /// Adds the loss of eight states with these entries to `sums`, each at its sample of a recording.
+    #[inline(always)]
+    pub fn add_eight(&self, processor: Processor, at: &Measured<'_>, x: &[Lane], sums: &mut Lane) {
+        for (c, channel) in self.channels.iter().enumerate() {
+            if channel.position > 0.0 {
+                let mut d = at.residuals(0, c, &x[channel.q]);
+                if channel.wraps {
+                    d.iter_mut().for_each(|d| *d *= 0.5);
+                    let [sin, _] = processor.run(SinCos(&d));
+                    d = sin.map(|sin| 2.0 * sin);
+                }
+                add_squares(sums, channel.position, &d);
+            }
+            if channel.velocity > 0.0 {
+                let d = at.residuals(1, c, &x[channel.v]);
+                add_squares(sums, channel.velocity, &d);
+            }
+        }
+    }
+
+    /// Adds `factors` times its derivatives to `lambda`.
+    #[inline(always)]
+    pub fn add_gradient_of_eight(
+        &self,
+        processor: Processor,
+        at: &Measured<'_>,
+        x: &[Lane],
+        factors: &Lane,
+        lambda: &mut [Lane],
+    ) {
+        for (c, channel) in self.channels.iter().enumerate() {
+            if channel.position > 0.0 {
+                let mut d = at.residuals(0, c, &x[channel.q]);
+                if channel.wraps {
+                    [d, _] = processor.run(SinCos(&d));
+                }
+                add_slopes(&mut lambda[channel.q], channel.position, factors, &d);
+            }
+            if channel.velocity > 0.0 {
+                let d = at.residuals(1, c, &x[channel.v]);
+                add_slopes(&mut lambda[channel.v], channel.velocity, factors, &d);
+            }
+        }
+    }
+
     /// The loss at one sample of a recording, of the state with these entries.
+    #[cfg(test)]
     pub fn at(&self, target: &Target, sample: usize, state: impl Fn(usize) -> f64) -> f64 {
         let mut sum = 0.0;
         self.residuals(target, sample, state, |i, weight, d| {
@@ -96,6 +172,7 @@ impl Loss {
     }
 
     /// Its derivatives, each to `add` with the entry of the state.
+    #[cfg(test)]
     pub fn gradient(
         &self,
         target: &Target,
@@ -110,7 +187,47 @@ impl Loss {
     }
 
     /// Whether this entry of a state is an angle that wraps.
+    #[cfg(test)]
     fn wraps(&self, i: usize) -> bool {
         self.channels.iter().any(|c| c.wraps && c.q == i)
+    }
+}
+
+/// What was measured at eight samples.
+pub(crate) struct Measured<'a> {
+    /// One a state.
+    pub targets: [&'a Target; LANES],
+    /// One a state.
+    pub samples: [usize; LANES],
+}
+
+impl Measured<'_> {
+    /// The measured position (`of` 0) or velocity (1) of coordinate `c` less x; 0 where it does not count.
+    #[inline(always)]
+    fn residuals(&self, of: usize, c: usize, x: &Lane) -> Lane {
+        std::array::from_fn(|lane| {
+            let (target, sample) = (self.targets[lane], self.samples[lane]);
+            let columns = if of == 0 { &target.q } else { &target.v };
+            match target.valid[of][c][sample] {
+                true => columns[c][sample] - x[lane],
+                false => 0.0,
+            }
+        })
+    }
+}
+
+/// sums += weight d².
+#[inline(always)]
+fn add_squares(sums: &mut Lane, weight: f64, d: &Lane) {
+    for (sum, d) in sums.iter_mut().zip(d) {
+        *sum += weight * d * d;
+    }
+}
+
+/// to −= 2 weight factor slope.
+#[inline(always)]
+fn add_slopes(to: &mut Lane, weight: f64, factors: &Lane, slopes: &Lane) {
+    for ((to, factor), slope) in to.iter_mut().zip(factors).zip(slopes) {
+        *to -= 2.0 * weight * factor * slope;
     }
 }

@@ -88,7 +88,7 @@ pub struct Trained {
     pub best_epoch: usize,
     /// The constants of the model, as they were fitted beside it.
     pub revision: Revision,
-    /// The mean loss of the windows held out when the network gives no force; none where it is alone on its joints.
+    /// The typical loss of the windows held out when the network gives no force; none where it is alone on its joints.
     pub without_network: Option<f64>,
     /// Whether it was computed in 32 bits.
     pub single: bool,
@@ -239,6 +239,16 @@ fn check(model: &Model, options: &Options) -> Result<(), Error> {
     Ok(())
 }
 
+/// The model without a network, its constants fitted as they are before one is trained: the pure ODE (Roehrl et al. 2020, eq. 13).
+///
+/// # Errors
+/// As [`train`].
+pub fn fit_physics(training: &Training<'_>, options: &Options) -> Result<Revision, Error> {
+    check(training.model, options)?;
+    let recordings = Recordings::new(training.model, training.logs, training.held_out, options)?;
+    Ok(revision(training.model, &recordings))
+}
+
 /// Of all that the weights depend on.
 fn fingerprint(training: &Training<'_>, options: &Options) -> String {
     let logs = training.logs.iter().chain(training.held_out);
@@ -289,7 +299,7 @@ fn trained<T: Real>(
         "loss_held_out_without_network": without_network,
         "loss_in": match options.start {
             Start::Measured { .. } => "squares of SI units, from measured states",
-            Start::Fitted => "squares of the sensors' noise, from fitted states",
+            Start::Fitted => "squares of the sensors' noise, from fitted states; windows beyond ten of it count little more",
         },
         "precision": if options.single { "f32" } else { "f64" },
         "range": "outside of the features' `range` the force was never seen",
@@ -298,7 +308,7 @@ fn trained<T: Real>(
         card.training = words;
     }
     Ok(Trained {
-        revision: revision(model, session),
+        revision: revision(model, &session.recordings),
         force,
         card,
         history: session.history.clone(),
@@ -309,10 +319,10 @@ fn trained<T: Real>(
 }
 
 /// The model with the constants as fitted.
-fn revision<T: Real>(model: &Model, session: &Session<'_, T>) -> Revision {
+fn revision(model: &Model, recordings: &Recordings) -> Revision {
     let mut revision = Revision::of(model);
-    let hybrid = &session.recordings.hybrid;
-    for (constant, &value) in hybrid.constants().iter().zip(&session.recordings.theta) {
+    let constants = recordings.hybrid.constants().iter();
+    for (constant, &value) in constants.zip(&recordings.theta) {
         match constant.id {
             ConstantId::Mechanics(k) => revision.parameter_values[k] = value,
             ConstantId::Gain(i) => revision.gains[i] = value,

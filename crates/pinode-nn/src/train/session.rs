@@ -1,5 +1,6 @@
 //! The epochs of a training.
 
+use pulp::{Simd, WithSimd};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -12,7 +13,7 @@ use super::data::{Recordings, Side};
 use super::{Options, Start};
 use crate::Error;
 use crate::learnt::LearntForce;
-use crate::network::{Mlp, Real};
+use crate::network::{Mlp, Processor, Real};
 
 /// The curvature of the loss in the starts is taken anew after so many epochs, and after twice as many as the last time.
 const FIRST_REFIT: usize = 2;
@@ -28,9 +29,9 @@ const GAIN: f64 = 1e-3;
 pub struct Epoch {
     /// Its number, from 1.
     pub epoch: usize,
-    /// Mean loss of the windows that were learnt from, while they were.
+    /// Typical loss a sample of the windows that were learnt from, while they were.
     pub loss: f64,
-    /// Mean loss of the windows held out, after it.
+    /// The same of the windows held out, after it.
     pub held_out: f64,
     /// Windows that left the range of any mechanism.
     pub diverged: usize,
@@ -134,7 +135,7 @@ impl<'a, T: Real> Session<'a, T> {
         let (held_out, _) = self.held_out()?;
         let epoch = Epoch {
             epoch: number,
-            loss: loss / self.terms(order.len() - diverged),
+            loss: self.typical(loss, order.len() - diverged),
             held_out,
             diverged,
             rate: self.rate(number as f64 / self.options.epochs as f64),
@@ -153,6 +154,11 @@ impl<'a, T: Real> Session<'a, T> {
             false => 1.0,
         };
         self.options.rate * (LAST_RATE + (1.0 - LAST_RATE) * fallen)
+    }
+
+    /// The typical loss a sample of so many windows that count `loss` together.
+    fn typical(&self, loss: f64, windows: usize) -> f64 {
+        self.recordings.loss.typical(loss / self.terms(windows))
     }
 
     /// How many samples the loss of so many windows is summed over.
@@ -193,23 +199,24 @@ impl<'a, T: Real> Session<'a, T> {
             })
             .map_err(Error::Mechanics)?;
         let (mut loss, mut diverged) = (0.0, 0);
-        self.gradient.fill(T::from_f64(0.0));
-        for chunk in &self.chunks[..used] {
+        for (k, chunk) in self.chunks[..used].iter().enumerate() {
             loss += chunk.loss;
             diverged += chunk.diverged;
-            for (sum, part) in self.gradient.iter_mut().zip(&chunk.gradient) {
-                *sum = T::from_f64(sum.to_f64() + part.to_f64() / terms);
+            match k {
+                0 => self.gradient.copy_from_slice(&chunk.gradient),
+                _ => Processor::here().run(Sum(&mut self.gradient, &chunk.gradient)),
             }
         }
         if self.options.start == Start::Fitted {
             improve(&mut self.recordings.seen, batch, &self.chunks[..used]);
         }
+        let parameters = self.learner.network.parameters_mut();
         self.adam
-            .step(rate, &self.gradient, self.learner.network.parameters_mut());
+            .step(rate, 1.0 / terms, &self.gradient, parameters);
         Ok((loss, diverged))
     }
 
-    /// The mean loss of the windows held out, those that diverge left out, and how many do; their starts are fitted to this network first.
+    /// The typical loss a sample of the windows held out, those that diverge left out, and how many do; their starts are fitted to this network first.
     ///
     /// # Errors
     /// [`Error::Mechanics`] of a state in the range of mechanisms.
@@ -232,10 +239,11 @@ impl<'a, T: Real> Session<'a, T> {
                     .try_for_each(|(chunk, batch)| {
                         let members = members(recordings, &recordings.held_out, batch);
                         let members = &members[..batch.len()];
-                        chunk.forward(&setting, learner, members)?;
-                        if round < rounds {
-                            chunk.backward(&setting, learner, members);
+                        if round == rounds {
+                            return chunk.roll(&setting, learner, members);
                         }
+                        chunk.forward(&setting, learner, members)?;
+                        chunk.backward(&setting, learner, members);
                         Ok(())
                     })
                     .map_err(Error::Mechanics)?;
@@ -248,7 +256,7 @@ impl<'a, T: Real> Session<'a, T> {
                 }
             }
         }
-        Ok((loss / self.terms(all.len() - diverged), diverged))
+        Ok((self.typical(loss, all.len() - diverged), diverged))
     }
 
     /// The same of a network that gives no force.
@@ -282,11 +290,30 @@ impl<'a, T: Real> Session<'a, T> {
     }
 }
 
+/// Adds the second to the first.
+struct Sum<'a, T>(&'a mut [T], &'a [T]);
+
+impl<T: Real> WithSimd for Sum<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, s: S) {
+        let (to, rest_to) = T::split_mut::<S>(self.0);
+        let (from, rest_from) = T::split::<S>(self.1);
+        for (to, from) in to.iter_mut().zip(from) {
+            *to = T::add(s, *to, *from);
+        }
+        for (to, from) in rest_to.iter_mut().zip(rest_from) {
+            *to = T::from_f64(to.to_f64() + from.to_f64());
+        }
+    }
+}
+
 /// Lets the starts of a batch follow the network.
 fn improve<T: Real>(side: &mut Side, batch: &[usize], chunks: &[Chunk<T>]) {
     for (chunk, batch) in chunks.iter().zip(batch.chunks(CHUNK)) {
         for (k, &index) in batch.iter().enumerate() {
-            side.improve_start(index, chunk.by_start_of(k));
+            side.improve_start(index, chunk.by_start_of(k), chunk.factor(k));
         }
     }
 }

@@ -14,6 +14,13 @@ use crate::shooting::{FitOptions, HiddenPrior, Roller, Trajectory, fit};
 
 /// H is greater by this share of its diagonal: what a window hardly determines moves slowly.
 const DAMPING: f64 = 1e-3;
+/// A window whose sum, in units of κ of the loss, has grown by this factor, and by this much beside, has got worse.
+const WORSE: f64 = 1.5;
+const NEAR: f64 = 0.01;
+/// Nothing is known of a start before.
+const FARTHEST: f64 = 1e300;
+/// Steps get shorter by this factor then.
+const SHORTER: f64 = 4.0;
 
 impl Recordings {
     /// Fits the start of every window to its measurements, everything else as it is in `hybrid`, and takes H there.
@@ -42,6 +49,7 @@ impl Recordings {
             windows: side.windows.clone(),
             starts: fitted.states,
             curvatures: Vec::new(),
+            trust: Vec::new(),
         };
         side.curvatures = (0..side.windows.len())
             .into_par_iter()
@@ -52,6 +60,7 @@ impl Recordings {
                 },
             )
             .collect();
+        side.trust_all();
         side
     }
 
@@ -102,15 +111,33 @@ impl Recordings {
 }
 
 impl Side {
-    /// One step of Gauss and Newton of the start of window `index`, where ∂J/∂x₀ is `gradient`.
-    pub fn improve_start(&mut self, index: usize, gradient: &[f64]) {
-        let nx = gradient.len();
-        let columns = self.curvatures[index].chunks_exact(nx).zip(gradient);
-        let start = &mut self.starts[index];
-        for (column, gradient) in columns {
+    /// One step of Gauss and Newton of the start of window `index`, where ∂J/∂x₀ is `gradient`, of the window's sum times `factor`; back to the start
+    /// of before, and shorter from there, where the step before has made the window much worse (H is not that of where it stands any more).
+    pub fn improve_start(&mut self, index: usize, gradient: &[f64], factor: f64) {
+        let (start, trust) = (&mut self.starts[index], &mut self.trust[index]);
+        let [distance, length] = [trust[0], trust[1]];
+        let now = 1.0 / factor - 1.0;
+        if factor == 0.0 || now > WORSE * distance + NEAR {
+            start.copy_from_slice(&trust[2..]);
+            // The network moves, too: what was reached with another one may be out of reach.
+            trust[0] = WORSE * distance + NEAR;
+            trust[1] = length / SHORTER;
+            return;
+        }
+        trust[0] = now;
+        trust[1] = (2.0 * length).min(1.0);
+        trust[2..].copy_from_slice(start);
+        let columns = self.curvatures[index].chunks_exact(gradient.len());
+        for (column, gradient) in columns.zip(gradient) {
             for (x, entry) in start.iter_mut().zip(column) {
-                *x -= entry * gradient;
+                *x -= length * entry * gradient / factor;
             }
         }
+    }
+
+    /// All steps are whole ones again, and nothing is known of those before.
+    fn trust_all(&mut self) {
+        let of = |start: &Vec<f64>| [&[FARTHEST, 1.0], start.as_slice()].concat();
+        self.trust = self.starts.iter().map(of).collect();
     }
 }

@@ -1,0 +1,75 @@
+//! `cartpole paper`: the paper's experiment.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use pinode_nn::cli::Output;
+
+use super::Error;
+use crate::paper::{Experiment, Outcome, PaperRig, table};
+
+/// What to compare, and how long.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub(super) struct Arguments {
+    /// Seeds: from --seed on, or from 1
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    seeds: u64,
+    /// Samples to learn from
+    #[arg(long, value_name = "N", default_value_t = table::SAMPLES)]
+    samples: usize,
+    /// At most so many epochs [default: each model's own]
+    #[arg(long, value_name = "N")]
+    epochs: Option<usize>,
+}
+
+pub(super) fn run(
+    arguments: Arguments,
+    models: &Path,
+    out: &Path,
+    first_seed: Option<u64>,
+    output: &Output,
+) -> Result<(), Error> {
+    let rig = PaperRig::read(&models.join("paper.toml"))?;
+    let first = first_seed.unwrap_or(1);
+    let experiment = Experiment {
+        samples: [arguments.samples, table::TEST_SAMPLES],
+        seeds: (first..first + arguments.seeds).collect(),
+        epochs: arguments.epochs,
+        windows: 1000,
+    };
+    let known = models.join("paper_known.toml");
+    let outcome = experiment.run(&rig, &known, out, &mut |what| output.note(what))?;
+    output.result(&outcome, &text(&outcome))?;
+    Ok(())
+}
+
+fn text(outcome: &Outcome) -> String {
+    let mut out = format!(
+        "mean absolute errors over {} windows of {} s that no model has seen; {} samples learnt from, {} seeds (least to largest)\n",
+        outcome.windows,
+        outcome.horizon_s,
+        outcome.samples[0],
+        outcome.seeds.len()
+    );
+    for table in &outcome.tables {
+        // Writing to a String cannot fail.
+        let _ = writeln!(out, "\n{} friction", table.friction);
+        let _ = write!(out, "{:44}{:10}", "model", "starts");
+        for signal in outcome.signals {
+            let _ = write!(out, "{signal:>24}");
+        }
+        out.push('\n');
+        for row in &table.rows {
+            let _ = write!(out, "{:44}{:10}", row.title, row.starts);
+            for signal in 0..4 {
+                let number = format!(
+                    "{:.4} ({:.4}-{:.4})",
+                    row.mean[signal], row.range[0][signal], row.range[1][signal]
+                );
+                let _ = write!(out, "{number:>24}");
+            }
+            out.push('\n');
+        }
+    }
+    out
+}
