@@ -22,8 +22,9 @@ fn all() -> Vec<String> {
     for folder in models().read_dir().unwrap() {
         for file in folder.unwrap().path().read_dir().unwrap() {
             let path = file.unwrap().path();
-            // rig.toml sets up the virtual rig: it is no model.
-            if path.extension().is_some_and(|e| e == "toml") && !path.ends_with("rig.toml") {
+            // These set up virtual rigs: they are no models.
+            let rig = path.ends_with("rig.toml") || path.ends_with("paper.toml");
+            if path.extension().is_some_and(|e| e == "toml") && !rig {
                 let path = path.strip_prefix(models()).unwrap();
                 paths.push(path.to_str().unwrap().to_owned());
             }
