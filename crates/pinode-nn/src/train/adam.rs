@@ -1,6 +1,6 @@
 //! Adam (Kingma and Ba, 2015): m ← β₁ m + (1 − β₁) g, s ← β₂ s + (1 − β₂) g², x ← x − η m̂/(√ŝ + ε), m̂ and ŝ without their bias to 0.
 
-use pulp::{Simd, WithSimd};
+use pulp::{NullaryFnOnce, Simd, WithSimd};
 
 use crate::network::{Processor, Real};
 
@@ -9,6 +9,10 @@ const MEAN: f64 = 0.9;
 const SQUARE: f64 = 0.999;
 const EPSILON: f64 = 1e-8;
 
+/// Gradients are cut to so many usual lengths, and each counts so much in the usual one.
+const LONGEST: f64 = 2.0;
+const NEW: f64 = 0.01;
+
 /// The moments of a gradient.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Adam<T> {
@@ -16,6 +20,8 @@ pub(crate) struct Adam<T> {
     pub square: Vec<T>,
     /// Steps made.
     pub steps: u64,
+    /// The usual length of a gradient; 0 before the first.
+    pub usual: f64,
 }
 
 impl<T: Real> Adam<T> {
@@ -25,7 +31,25 @@ impl<T: Real> Adam<T> {
             mean: vec![T::from_f64(0.0); n],
             square: vec![T::from_f64(0.0); n],
             steps: 0,
+            usual: 0.0,
         }
+    }
+
+    /// By what `scale` times `gradient` is to be made shorter: to [`LONGEST`] usual lengths, where a few windows that chaos has taken far make it
+    /// longer (Pascanu et al. 2013).
+    pub fn clipping(&mut self, scale: f64, gradient: &[T]) -> f64 {
+        let length = scale.abs() * Processor::here().run(SquaredLength(gradient)).sqrt();
+        let limit = if self.usual > 0.0 {
+            LONGEST * self.usual
+        } else {
+            length
+        };
+        let kept = length.min(limit);
+        self.usual += NEW * (kept - self.usual);
+        if self.steps == 0 {
+            self.usual = kept;
+        }
+        if length > limit { limit / length } else { 1.0 }
     }
 
     /// One step of length `rate` along `scale` times `gradient`.
@@ -49,6 +73,26 @@ impl<T: Real> Adam<T> {
             square: &mut self.square,
             x,
         });
+    }
+}
+
+/// Σ g².
+struct SquaredLength<'a, T>(&'a [T]);
+
+impl<T: Real> NullaryFnOnce for SquaredLength<'_, T> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn call(self) -> f64 {
+        let (rows, rest) = self.0.as_chunks::<8>();
+        let mut sums = [0.0; 8];
+        for row in rows {
+            for (sum, g) in sums.iter_mut().zip(row) {
+                *sum += g.to_f64().powi(2);
+            }
+        }
+        let rest: f64 = rest.iter().map(|g| g.to_f64().powi(2)).sum();
+        sums.iter().sum::<f64>() + rest
     }
 }
 

@@ -12,6 +12,7 @@ use lagrange::LANES;
 use pulp::NullaryFnOnce;
 
 use super::loss::{Loss, Measured, Target};
+use super::tangents::Tangents;
 use crate::effect::Grid;
 use crate::hybrid::{DrivenInputs, Eight, EightMemory, Hybrid, Lane};
 use crate::learnt::{Feature, Output, Seen, Sight, chain, see};
@@ -24,7 +25,7 @@ const BEYOND: f64 = 1e6;
 /// A network sees nothing beyond so many widths.
 const FARTHEST: f64 = 1e4;
 /// a_s.
-const NODES: [f64; 4] = [0.0, 0.5, 0.5, 1.0];
+pub(super) const NODES: [f64; 4] = [0.0, 0.5, 0.5, 1.0];
 
 /// A network that is being trained: its numbers, what it sees and what it acts on.
 #[derive(Debug, Clone)]
@@ -61,29 +62,29 @@ pub(crate) struct Setting<'a> {
 
 /// The loss of a chunk: its sum over windows, and its gradients.
 pub(crate) struct Chunk<T: Real> {
-    processor: Processor,
-    tape: Tape<T>,
+    pub(super) processor: Processor,
+    pub(super) tape: Tape<T>,
     eights: EightMemory,
     /// Entries of a state.
-    nx: usize,
+    pub(super) nx: usize,
     /// Steps of a window.
-    steps: usize,
+    pub(super) steps: usize,
     /// Groups of eight states that there is room for.
-    groups: usize,
+    pub(super) groups: usize,
     /// x at the beginning of each step and at the end: `[step][group][nx]`.
     x: Vec<Lane>,
     /// X_s: `[4 step + s][group][nx]`.
-    stages: Vec<Lane>,
+    pub(super) stages: Vec<Lane>,
     /// ∂(v̇, ḣ)/∂(q, v, h, θ_free) at X_s: `[4 step + s][group][…]`.
-    linear: Vec<Lane>,
+    pub(super) linear: Vec<Lane>,
     /// ∂v̇/∂Q at X_s.
-    response: Vec<Lane>,
+    pub(super) response: Vec<Lane>,
     /// k_s of the step under way: `[s][group][nx]`; on the way back λ, k̄ and X̄.
     slopes: Vec<Lane>,
     lambda: Vec<Lane>,
     weights: Vec<Lane>,
     before: Vec<Lane>,
-    z: Vec<Lane>,
+    pub(super) z: Vec<Lane>,
     /// Which lanes have had a motion up to each step.
     alive: Vec<[bool; LANES]>,
     /// Which lanes are windows that have a motion to their end: the others count nothing, and may hold no numbers.
@@ -99,7 +100,9 @@ pub(crate) struct Chunk<T: Real> {
     /// ∂/∂θ_free.
     pub by_theta: Vec<f64>,
     /// ∂/∂ start, state after state.
-    by_start: Vec<f64>,
+    pub(super) by_start: Vec<f64>,
+    /// Where starts are fitted.
+    pub(super) tangents: Tangents,
 }
 
 impl<T: Real> Chunk<T> {
@@ -135,6 +138,7 @@ impl<T: Real> Chunk<T> {
             gradient: vec![T::from_f64(0.0); learner.network.parameters().len()],
             by_theta: vec![0.0; setting.free.len()],
             by_start: vec![0.0; LANES * groups * nx],
+            tangents: Tangents::default(),
         }
     }
 
@@ -399,11 +403,6 @@ impl<T: Real> Chunk<T> {
         }
     }
 
-    /// ∂/∂ start of one of the windows.
-    pub fn by_start_of(&self, window: usize) -> &[f64] {
-        &self.by_start[window * self.nx..][..self.nx]
-    }
-
     /// Adds to λ what the loss at the sample that ends with step `step` − 1 says; nothing where a lane does not count.
     #[inline(always)]
     fn add_losses(
@@ -428,6 +427,12 @@ impl<T: Real> Chunk<T> {
                 .loss
                 .add_gradient_of_eight(self.processor, &at, x, factors, lambda);
         }
+    }
+
+    /// ∂/∂ start of one of the windows.
+    #[cfg(test)]
+    pub fn by_start_of(&self, window: usize) -> &[f64] {
+        &self.by_start[window * self.nx..][..self.nx]
     }
 
     /// k̄ of a stage, into `weights`: h b_s λ + h a_{s+1} X̄_{s+1}, where X̄ of the stage after is in `slopes`.
@@ -668,13 +673,13 @@ fn lane_of<'a, 'b>(members: &'b [Member<'a>], group: usize, lane: usize) -> &'b 
 
 /// Where eight windows stand at an integration step, and its lengths, s.
 #[derive(Clone, Copy)]
-struct Stand<'a> {
-    at: Eight<'a>,
-    h: Lane,
+pub(super) struct Stand<'a> {
+    pub at: Eight<'a>,
+    pub h: Lane,
 }
 
 /// Those of all groups; the first one again for groups that there are not.
-fn stands<'a>(members: &[Member<'a>], step: usize) -> [Stand<'a>; CHUNK / LANES] {
+pub(super) fn stands<'a>(members: &[Member<'a>], step: usize) -> [Stand<'a>; CHUNK / LANES] {
     let stand = |group: usize| {
         let at = eight_at(members, group, step);
         let h = step_of(&at);
@@ -691,7 +696,7 @@ fn stands<'a>(members: &[Member<'a>], step: usize) -> [Stand<'a>; CHUNK / LANES]
 
 /// What was measured of eight windows at their sample `sample`.
 #[inline(always)]
-fn measured<'a>(members: &[Member<'a>], group: usize, sample: usize) -> Measured<'a> {
+pub(super) fn measured<'a>(members: &[Member<'a>], group: usize, sample: usize) -> Measured<'a> {
     Measured {
         targets: std::array::from_fn(|lane| lane_of(members, group, lane).target),
         samples: std::array::from_fn(|lane| lane_of(members, group, lane).first + sample),
@@ -720,7 +725,7 @@ fn step_of(at: &Eight<'_>) -> Lane {
 
 /// to += h factor k.
 #[inline(always)]
-fn add_scaled(to: &mut Lane, h: &Lane, factor: f64, k: &Lane) {
+pub(super) fn add_scaled(to: &mut Lane, h: &Lane, factor: f64, k: &Lane) {
     for ((to, h), k) in to.iter_mut().zip(h).zip(k) {
         *to += factor * h * k;
     }

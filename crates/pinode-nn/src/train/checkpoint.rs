@@ -20,6 +20,7 @@ struct Words {
     /// Of the model, the logs and the options.
     fingerprint: String,
     steps: u64,
+    usual: f64,
     history: Vec<Epoch>,
 }
 
@@ -34,6 +35,7 @@ impl<T: Real> Session<'_, T> {
         let words = Words {
             fingerprint: fingerprint.to_owned(),
             steps: self.adam.steps,
+            usual: self.adam.usual,
             history: self.history.clone(),
         };
         let of = |numbers: &[T]| {
@@ -42,6 +44,7 @@ impl<T: Real> Session<'_, T> {
                 .flat_map(|x| x.to_f64().to_le_bytes())
                 .collect()
         };
+        let bytes = |numbers: &[f64]| numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
         let flat = |states: &[Vec<f64>]| {
             let all = states.iter().flatten();
             all.flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>()
@@ -52,11 +55,11 @@ impl<T: Real> Session<'_, T> {
             ("adam.mean", of(&self.adam.mean)),
             ("adam.square", of(&self.adam.square)),
             ("best", of(self.best.parameters())),
-            ("curvatures.held_out", flat(&recordings.held_out.curvatures)),
-            ("curvatures.seen", flat(&recordings.seen.curvatures)),
+            ("best.theta", bytes(&self.best_theta)),
             ("network", of(self.learner.network.parameters())),
             ("starts.held_out", flat(&recordings.held_out.starts)),
             ("starts.seen", flat(&recordings.seen.starts)),
+            ("theta", bytes(&recordings.theta)),
             ("trust.held_out", flat(&recordings.held_out.trust)),
             ("trust.seen", flat(&recordings.seen.trust)),
         ];
@@ -125,12 +128,16 @@ impl<T: Real> Session<'_, T> {
             Ok(Side {
                 windows: side.windows.clone(),
                 starts: rows(&format!("starts.{name}"), &side.starts)?,
-                curvatures: rows(&format!("curvatures.{name}"), &side.curvatures)?,
                 trust: rows(&format!("trust.{name}"), &side.trust)?,
             })
         };
         let (seen, held_out) = (side("seen", seen)?, side("held_out", held_out)?);
-        (self.adam.mean, self.adam.square, self.adam.steps) = (mean, square, words.steps);
+        let constants = self.recordings.theta.len();
+        let theta = numbers("theta", constants)?;
+        self.best_theta = numbers("best.theta", constants)?;
+        self.recordings.set_theta(theta);
+        (self.adam.mean, self.adam.square) = (mean, square);
+        (self.adam.steps, self.adam.usual) = (words.steps, words.usual);
         self.best.parameters_mut().copy_from_slice(&best);
         self.learner
             .network

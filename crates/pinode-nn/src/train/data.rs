@@ -9,7 +9,7 @@ use crate::Error;
 use crate::diagnose::audit::{Masked, audit};
 use crate::diagnose::smooth::{Smoothed, smooth};
 use crate::entries::refuse_poses;
-use crate::hybrid::{DrivenInputs, Hybrid};
+use crate::hybrid::{ConstantId, DrivenInputs, Hybrid};
 use crate::learnt::{Feature, Output, Quantity};
 use crate::log::Log;
 use crate::model::Model;
@@ -22,7 +22,7 @@ const SMOOTHING: f64 = 0.06;
 /// Of the windows with the largest forces, so many do not set the scale of the outputs.
 const LARGEST: f64 = 0.005;
 /// Windows that are learnt from begin so many times a window.
-const OVERLAP: usize = 4;
+pub(super) const OVERLAP: usize = 4;
 /// The last of so many parts of a recording is held out.
 const HELD_OUT: usize = 8;
 /// No window spans an interval of more than so many usual ones.
@@ -34,6 +34,8 @@ const RESERVE: f64 = 1.5;
 pub(crate) struct Recordings {
     pub hybrid: Hybrid,
     pub theta: Vec<f64>,
+    /// θ as the model has it: what the tolerances are about.
+    pub(super) given: Vec<f64>,
     pub observations: Observations,
     pub loss: Loss,
     /// Integration steps a sample interval, and sample intervals a window.
@@ -56,9 +58,7 @@ pub(crate) struct Recordings {
 pub(crate) struct Side {
     pub windows: Vec<Window>,
     pub starts: Vec<Vec<f64>>,
-    /// Where starts are fitted, H⁻¹ of the loss in them: see [`super::starts`].
-    pub curvatures: Vec<Vec<f64>>,
-    /// Of each start: how far its window was from the measurements, the share of a step to make, and the start before.
+    /// Of each start: how far its window was from the measurements, the damping of its next step, and the start before.
     pub trust: Vec<Vec<f64>>,
 }
 
@@ -102,6 +102,7 @@ impl Recordings {
             targets: targets(model, logs, held_out, &observations, options),
             inputs: Vec::new(),
             hybrid,
+            given: theta.clone(),
             theta,
             smoothed,
             fit_runs,
@@ -205,8 +206,17 @@ impl Recordings {
         windows.iter().map(of).collect()
     }
 
-    /// The constants as they were fitted.
+    /// The constants as they were fitted; what was measured is behind the zeros that are among them.
     pub(super) fn set_theta(&mut self, theta: Vec<f64>) {
+        for (index, constant) in self.hybrid.constants().iter().enumerate() {
+            if let ConstantId::Zero(c) = constant.id {
+                for Target { read, q, .. } in &mut self.targets {
+                    for (q, read) in q[c].iter_mut().zip(&read[c]) {
+                        *q = read - theta[index];
+                    }
+                }
+            }
+        }
         self.theta = theta;
         self.hybrid.set_theta(&self.theta);
         self.drive_with(&self.theta.clone(), &[]);
@@ -327,7 +337,6 @@ impl Side {
         Side {
             windows: Vec::new(),
             starts: Vec::new(),
-            curvatures: Vec::new(),
             trust: Vec::new(),
         }
     }
@@ -393,6 +402,7 @@ fn targets(
                 }
             }
             Target {
+                read: run.q.clone(),
                 q: (0..n).map(zeroed).collect(),
                 v,
                 valid,

@@ -11,7 +11,9 @@ use crate::shooting::wrap_angle;
 /// What was measured in one recording, behind the zeros of the sensors.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Target {
-    /// Positions, one column a coordinate, m or rad.
+    /// Positions as they were read, one column a coordinate, m or rad.
+    pub read: Vec<Vec<f64>>,
+    /// The same behind the zeros.
     pub q: Vec<Vec<f64>>,
     /// Velocities, one column a coordinate, m/s or rad/s; empty where there is none.
     pub v: Vec<Vec<f64>>,
@@ -152,6 +154,21 @@ impl Loss {
             if channel.velocity > 0.0 {
                 let d = at.residuals(1, c, &x[channel.v]);
                 add_slopes(&mut lambda[channel.v], channel.velocity, factors, &d);
+            }
+        }
+    }
+
+    /// The weight of every part of the loss in eight states, each at its sample: to `each` with the entry of the state; 0 where it does not count.
+    #[inline(always)]
+    pub fn weights_of_eight(&self, at: &Measured<'_>, mut each: impl FnMut(usize, &Lane)) {
+        for (c, channel) in self.channels.iter().enumerate() {
+            let parts = [(channel.q, channel.position), (channel.v, channel.velocity)];
+            for (of, (entry, weight)) in parts.into_iter().enumerate() {
+                if weight > 0.0 {
+                    let counts = |lane: usize| at.targets[lane].valid[of][c][at.samples[lane]];
+                    let of_lane = |lane| if counts(lane) { weight } else { 0.0 };
+                    each(entry, &std::array::from_fn(of_lane));
+                }
             }
         }
     }

@@ -29,6 +29,7 @@ mod options;
 mod physics;
 mod session;
 mod starts;
+mod tangents;
 #[cfg(test)]
 mod tests;
 
@@ -44,7 +45,7 @@ pub use options::{Options, Start};
 pub use session::{Epoch, Session};
 
 use crate::Error;
-use crate::hybrid::ConstantId;
+use crate::hybrid::{ConstantId, Hybrid};
 use crate::learnt::{Card, LearntForce, Names, Quantity, weights};
 use crate::log::Log;
 use crate::model::{Model, NewNetwork, Revision};
@@ -246,7 +247,11 @@ fn check(model: &Model, options: &Options) -> Result<(), Error> {
 pub fn fit_physics(training: &Training<'_>, options: &Options) -> Result<Revision, Error> {
     check(training.model, options)?;
     let recordings = Recordings::new(training.model, training.logs, training.held_out, options)?;
-    Ok(revision(training.model, &recordings))
+    Ok(revision(
+        training.model,
+        &recordings.hybrid,
+        &recordings.theta,
+    ))
 }
 
 /// Of all that the weights depend on.
@@ -308,7 +313,7 @@ fn trained<T: Real>(
         card.training = words;
     }
     Ok(Trained {
-        revision: revision(model, &session.recordings),
+        revision: revision(model, &session.recordings.hybrid, &session.best_theta),
         force,
         card,
         history: session.history.clone(),
@@ -319,10 +324,9 @@ fn trained<T: Real>(
 }
 
 /// The model with the constants as fitted.
-fn revision(model: &Model, recordings: &Recordings) -> Revision {
+fn revision(model: &Model, hybrid: &Hybrid, theta: &[f64]) -> Revision {
     let mut revision = Revision::of(model);
-    let constants = recordings.hybrid.constants().iter();
-    for (constant, &value) in constants.zip(&recordings.theta) {
+    for (constant, &value) in hybrid.constants().iter().zip(theta) {
         match constant.id {
             ConstantId::Mechanics(k) => revision.parameter_values[k] = value,
             ConstantId::Gain(i) => revision.gains[i] = value,

@@ -2,33 +2,66 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::data::Recordings;
+use super::data::{OVERLAP, Recordings};
 use crate::Error;
-use crate::shooting::{FitOptions, HiddenPrior, Roller, Trajectory, fit};
+use crate::hybrid::Hybrid;
+use crate::learnt::LearntForce;
+use crate::shooting::{FitOptions, HiddenPrior, Roller, Trajectory, Window, fit};
 
 /// Windows with free starts have at least so many sample intervals: what a shorter one tells of θ is lost in its start.
 const SHORTEST: usize = 20;
 /// Steps of a fit of states to their windows.
 pub(super) const STATE_STEPS: usize = 3;
-/// Steps of a fit of constants.
+/// Steps of a fit of constants, and of one beside a network: the next one is near.
 const FIT_STEPS: usize = 20;
+const STEPS_BESIDE: usize = 3;
 /// A fit from measured states ends when the loss falls by less than this share.
 const ENOUGH: f64 = 1e-9;
 
 impl Recordings {
     /// θ_free by least squares over windows whose initial states are free.
     pub fn fit_from_free_states(&mut self) {
-        let free = self.hybrid.free();
-        if free.is_empty() {
-            return;
-        }
         let length = self.horizon.max(SHORTEST);
         let [windows, _] = self.cut(length, length);
         let states = self.smoothed_states(&windows);
-        let fitted = fit(
-            &self.hybrid,
-            &self.observations,
+        self.fit_constants(
+            &self.hybrid.clone(),
             &windows,
+            states,
+            [STATE_STEPS, FIT_STEPS],
+        );
+    }
+
+    /// The same beside `network`, from the starts as they are.
+    pub fn fit_beside(&mut self, network: LearntForce) {
+        let mut hybrid = self.hybrid.clone();
+        hybrid.add_network(network.into());
+        let every = |of: usize| (0..of).step_by(OVERLAP);
+        let seen = &self.seen;
+        let windows: Vec<Window> = every(seen.windows.len()).map(|k| seen.windows[k]).collect();
+        let states = every(seen.windows.len()).map(|k| seen.starts[k].clone());
+        self.fit_constants(&hybrid, &windows, states.collect(), [1, STEPS_BESIDE]);
+    }
+
+    /// `steps` of the states alone, and of all.
+    fn fit_constants(
+        &mut self,
+        hybrid: &Hybrid,
+        windows: &[Window],
+        states: Vec<Vec<f64>>,
+        steps: [usize; 2],
+    ) {
+        let free = hybrid.free();
+        if free.is_empty() {
+            return;
+        }
+        // The tolerances are about what the model says.
+        let mut hybrid = hybrid.clone();
+        hybrid.set_theta(&self.given);
+        let fitted = fit(
+            &hybrid,
+            &self.observations,
+            windows,
             &free,
             self.theta.clone(),
             states,
@@ -36,8 +69,8 @@ impl Recordings {
             &HiddenPrior::none(windows.len()),
             &FitOptions {
                 substeps: self.substeps,
-                iterations: FIT_STEPS,
-                state_iterations: STATE_STEPS,
+                iterations: steps[1],
+                state_iterations: steps[0],
             },
         );
         self.set_theta(fitted.theta);

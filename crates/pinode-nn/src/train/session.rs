@@ -15,7 +15,7 @@ use crate::Error;
 use crate::learnt::LearntForce;
 use crate::network::{Mlp, Processor, Real};
 
-/// The curvature of the loss in the starts is taken anew after so many epochs, and after twice as many as the last time.
+/// Constants are fitted beside the network after so many epochs, and after twice as many as the last time.
 const FIRST_REFIT: usize = 2;
 /// So many steps do the starts of what is held out make towards a new network.
 const STARTS_OF_HELD_OUT: usize = 2;
@@ -46,6 +46,8 @@ pub struct Session<'a, T: Real> {
     pub(super) learner: Learner<T>,
     pub(super) adam: Adam<T>,
     pub(super) best: Mlp<T>,
+    /// θ beside it.
+    pub(super) best_theta: Vec<f64>,
     pub(super) history: Vec<Epoch>,
     chunks: Vec<Chunk<T>>,
     gradient: Vec<T>,
@@ -64,6 +66,7 @@ impl<'a, T: Real> Session<'a, T> {
         Session {
             adam: Adam::new(n),
             best: learner.network.clone(),
+            best_theta: recordings.theta.clone(),
             history: Vec::new(),
             gradient: vec![T::from_f64(0.0); n],
             chunks,
@@ -109,9 +112,10 @@ impl<'a, T: Real> Session<'a, T> {
     /// [`Error::Mechanics`] of a state in the range of mechanisms, [`Error::Unfittable`] when most windows leave it.
     pub fn epoch(&mut self) -> Result<Epoch, Error> {
         let number = self.history.len() + 1;
-        if self.options.start == Start::Fitted && is_refit(number) {
-            let hybrid = self.with_network(&self.learner.network)?;
-            self.recordings.fit_starts(&hybrid);
+        let fitted = self.options.start == Start::Fitted;
+        if fitted && self.options.physics && is_refit(number) {
+            let force = self.force(&self.learner.network)?;
+            self.recordings.fit_beside(force);
         }
         let mut order: Vec<usize> = (0..self.recordings.seen.windows.len()).collect();
         let mut rng = ChaCha8Rng::seed_from_u64(self.options.seed);
@@ -143,6 +147,7 @@ impl<'a, T: Real> Session<'a, T> {
         self.history.push(epoch);
         if self.best_epoch() == number {
             self.best = self.learner.network.clone();
+            self.best_theta.clone_from(&self.recordings.theta);
         }
         Ok(epoch)
     }
@@ -184,6 +189,7 @@ impl<'a, T: Real> Session<'a, T> {
             return Err(Error::Training(fault));
         }
         let terms = self.terms(batch.len());
+        let fitted = self.options.start == Start::Fitted;
         let setting = setting(&self.recordings);
         let (learner, recordings) = (&self.learner, &self.recordings);
         let used = batch.len().div_ceil(CHUNK);
@@ -194,6 +200,9 @@ impl<'a, T: Real> Session<'a, T> {
                 let members = members(recordings, &recordings.seen, batch);
                 let members = &members[..batch.len()];
                 chunk.forward(&setting, learner, members)?;
+                if fitted {
+                    chunk.curve(&setting, learner, members);
+                }
                 chunk.backward(&setting, learner, members);
                 Ok(())
             })
@@ -207,12 +216,16 @@ impl<'a, T: Real> Session<'a, T> {
                 _ => Processor::here().run(Sum(&mut self.gradient, &chunk.gradient)),
             }
         }
-        if self.options.start == Start::Fitted {
-            improve(&mut self.recordings.seen, batch, &self.chunks[..used]);
+        if fitted {
+            let seen = &mut self.recordings.seen;
+            seen.improve(batch, &mut self.chunks[..used]);
+        }
+        let mut scale = 1.0 / terms;
+        if fitted {
+            scale *= self.adam.clipping(scale, &self.gradient);
         }
         let parameters = self.learner.network.parameters_mut();
-        self.adam
-            .step(rate, 1.0 / terms, &self.gradient, parameters);
+        self.adam.step(rate, scale, &self.gradient, parameters);
         Ok((loss, diverged))
     }
 
@@ -243,6 +256,7 @@ impl<'a, T: Real> Session<'a, T> {
                             return chunk.roll(&setting, learner, members);
                         }
                         chunk.forward(&setting, learner, members)?;
+                        chunk.curve(&setting, learner, members);
                         chunk.backward(&setting, learner, members);
                         Ok(())
                     })
@@ -252,7 +266,8 @@ impl<'a, T: Real> Session<'a, T> {
                     diverged += chunk.diverged;
                 }
                 if round < rounds {
-                    improve(&mut self.recordings.held_out, batch, &self.chunks[..used]);
+                    let held_out = &mut self.recordings.held_out;
+                    held_out.improve(batch, &mut self.chunks[..used]);
                 }
             }
         }
@@ -282,12 +297,6 @@ impl<'a, T: Real> Session<'a, T> {
         )
         .map_err(|e| Error::io("the network".as_ref(), std::io::Error::other(e)))
     }
-
-    fn with_network(&self, network: &Mlp<T>) -> Result<crate::hybrid::Hybrid, Error> {
-        let mut hybrid = self.recordings.hybrid.clone();
-        hybrid.add_network(self.force(network)?.into());
-        Ok(hybrid)
-    }
 }
 
 /// Adds the second to the first.
@@ -305,15 +314,6 @@ impl<T: Real> WithSimd for Sum<'_, T> {
         }
         for (to, from) in rest_to.iter_mut().zip(rest_from) {
             *to = T::from_f64(to.to_f64() + from.to_f64());
-        }
-    }
-}
-
-/// Lets the starts of a batch follow the network.
-fn improve<T: Real>(side: &mut Side, batch: &[usize], chunks: &[Chunk<T>]) {
-    for (chunk, batch) in chunks.iter().zip(batch.chunks(CHUNK)) {
-        for (k, &index) in batch.iter().enumerate() {
-            side.improve_start(index, chunk.by_start_of(k), chunk.factor(k));
         }
     }
 }

@@ -4,6 +4,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -48,8 +49,10 @@ impl Case {
                 .collect()
         };
         let u = columns(hybrid.inputs(), 2.0);
+        let q = columns(n, 2.0);
         let target = Target {
-            q: columns(n, 2.0),
+            read: q.clone(),
+            q,
             v: columns(n, 2.0),
             valid: [vec![vec![true; rows]; n], vec![vec![true; rows]; n]],
         };
@@ -134,6 +137,7 @@ impl Case {
         chunk
             .forward(&self.setting(), &self.learner, &self.members())
             .unwrap();
+        chunk.curve(&self.setting(), &self.learner, &self.members());
         chunk.backward(&self.setting(), &self.learner, &self.members());
         chunk
     }
@@ -223,7 +227,7 @@ fn the_gradient_in_the_weights_is_the_slope_of_the_loss() {
 #[test]
 fn the_gradients_in_starts_and_constants_are_those_of_forward_sensitivities() {
     for (name, case) in cases() {
-        let chunk = case.chunk();
+        let mut chunk = case.chunk();
         let mut hybrid = case.hybrid.clone();
         let Learner {
             network,
@@ -248,6 +252,7 @@ fn the_gradients_in_starts_and_constants_are_those_of_forward_sensitivities() {
                 )
                 .unwrap();
             let mut by_start = vec![0.0; nx];
+            let mut curvature = DMatrix::<f64>::zeros(nx, nx);
             for sample in 1..=SAMPLES {
                 let x = &trajectory.states[sample * nx..][..nx];
                 let s = &trajectory.sensitivities[sample * nx * columns..][..nx * columns];
@@ -265,6 +270,11 @@ fn the_gradients_in_starts_and_constants_are_those_of_forward_sensitivities() {
                         }
                     },
                 );
+                let add = |i: usize, weight: f64, _| {
+                    let row = DVector::from_fn(nx, |column, _| s[column * nx + i]);
+                    curvature.ger(2.0 * weight, &row, &row, 1.0);
+                };
+                case.loss.residuals(&case.target, k + sample, |i| x[i], add);
             }
             let size: f64 = by_start.iter().map(|x| x.abs()).sum();
             for (i, expected) in by_start.iter().enumerate() {
@@ -274,6 +284,17 @@ fn the_gradients_in_starts_and_constants_are_those_of_forward_sensitivities() {
                     "{name}, window {k}, entry {i}: {found} for {expected}"
                 );
             }
+            // (H + μ diag H) d = −∂S/∂x₀.
+            let mut step = DVector::zeros(nx);
+            chunk.move_start(k, 0.1, step.as_mut_slice());
+            for i in 0..nx {
+                curvature[(i, i)] *= 1.1;
+            }
+            let residual = &curvature * &step + DVector::from_vec(by_start);
+            assert!(
+                residual.amax() < 1e-9 * size,
+                "{name}, window {k}: a step {step} that leaves {residual}"
+            );
         }
         assert!((chunk.loss / loss - 1.0).abs() < 1e-12, "{name}");
         assert!(!by_theta.is_empty());
