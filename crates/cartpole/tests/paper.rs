@@ -222,8 +222,8 @@ fn the_true_model_misses_the_measured_motion_by_the_noise_of_its_start() {
         let rig = rig(friction);
         let recording = rig.record(table::TEST_SAMPLES, 11).unwrap();
         let windows = (300, 30);
-        let measured = true_errors(&rig, &recording, windows, StartsAt::Measured, 1).unwrap();
-        let from_true = true_errors(&rig, &recording, windows, StartsAt::True, 1).unwrap();
+        let measured = true_errors(&rig, &recording, windows, StartsAt::Measured).unwrap();
+        let from_true = true_errors(&rig, &recording, windows, StartsAt::True).unwrap();
         for i in 0..4 {
             assert!(measured[i] < most[i], "{friction:?}: {measured:?}");
             assert!(from_true[i] < measured[i], "{from_true:?} {measured:?}");
@@ -252,7 +252,7 @@ fn faulty_settings_are_refused() {
     assert!(matches!(error, Error::Setting { .. }), "{error}");
     let rig = rig(Friction::Mild);
     let short = rig.record(20, 1).unwrap();
-    let error = true_errors(&rig, &short, (10, 30), StartsAt::Measured, 1).unwrap_err();
+    let error = true_errors(&rig, &short, (10, 30), StartsAt::Measured).unwrap_err();
     assert!(
         matches!(
             error,

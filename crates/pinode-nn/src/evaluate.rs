@@ -9,6 +9,7 @@ use crate::free_run::{FreeRun, Initial, LONGEST_STEP, initial_states};
 use crate::hybrid::{Hybrid, Reading};
 use crate::log::{Log, Run};
 use crate::model::{Model, Velocity};
+use crate::past::states_by_the_past;
 use crate::shooting::{Trajectory, wrap_angle};
 
 /// More than so many typical sample intervals between two samples are a gap.
@@ -86,6 +87,15 @@ struct Sums {
     squares: f64,
 }
 
+impl Sums {
+    fn add(&mut self, error: f64) {
+        self.count += 1.0;
+        self.sum += error;
+        self.absolute += error.abs();
+        self.squares += error * error;
+    }
+}
+
 /// Runs `model` freely over windows of `logs`. A velocity that the model calls a backward difference is compared with the backward
 /// difference of the simulated positions.
 ///
@@ -102,32 +112,13 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
         });
     }
     let channels = channels(model, &runs);
-    let hybrid = Hybrid::of(model);
-    let theta = hybrid.theta();
-    let prepared: Vec<(FreeRun, Vec<Vec<f64>>)> = runs
-        .iter()
-        .map(|run| {
-            let free_run = FreeRun::new(&hybrid, &run.t, &run.u, options.longest_step);
-            let states = free_run.with_hidden(initial_states(model, run, options.initial));
-            (free_run, states)
-        })
-        .collect();
-    let readings = hybrid.readings(&theta, &[]);
-    // Sums of each window, put together in the order of the windows: the same bits for any number of threads.
-    let sums: Vec<Option<Vec<Sums>>> = starts
-        .par_iter()
-        .map_init(Trajectory::default, |trajectory, &(run, first, count)| {
-            let (free_run, initial) = prepared.get(run)?;
-            let mut roller = free_run.roller();
-            free_run
-                .roll(&mut roller, (first, count), initial.get(first)?, trajectory)
-                .ok()
-                .map(|()| {
-                    let states = (hybrid.nx(), trajectory.states.as_slice());
-                    window_sums(model, runs[run], first, states, &readings, &channels)
-                })
-        })
-        .collect();
+    let sums = over_windows(model, logs, options, &starts, |window| {
+        let mut sums = vec![Sums::default(); channels.len()];
+        for (channel, sums) in channels.iter().zip(&mut sums) {
+            window.errors(*channel, |error| sums.add(error));
+        }
+        sums
+    });
     let diverged = sums.iter().filter(|window| window.is_none()).count();
     if diverged == starts.len() {
         return Err(Error::Unfittable {
@@ -282,49 +273,134 @@ pub(crate) fn starts(runs: &[&Run], options: &Options) -> Vec<(usize, usize, usi
         .collect()
 }
 
-/// Errors at every sample of a window but the first; `states` of `nx` numbers each.
-fn window_sums(
+/// Every window rolled out, and what `of` makes of it, in their order: the same for any number of threads. None where it diverges.
+fn over_windows<T: Send>(
     model: &Model,
-    run: &Run,
-    first: usize,
-    (nx, states): (usize, &[f64]),
-    readings: &[Reading],
-    channels: &[Channel],
-) -> Vec<Sums> {
-    let n = model.mechanics.nv();
-    let coordinates = model.mechanics.coordinates();
-    let samples = states.len() / nx;
-    let t = &run.t[first..first + samples];
-    let sums = |&Channel {
-                    coordinate: c,
-                    velocity,
-                }: &Channel| {
-        let (sensor, wraps) = (&model.sensors[c], coordinates[c].wraps);
-        let on_circle = |x: f64| if wraps { wrap_angle(x) } else { x };
-        let position = |k: usize| {
-            let read = readings[c].position((c, n + c), nx, states, t, k);
-            read.value
-        };
-        let mut sums = Sums::default();
-        for k in 1..samples {
-            let error = match (velocity, &run.v[c]) {
-                (true, Some(measured)) => {
-                    let simulated = if sensor.velocity == Velocity::BackwardDifference {
-                        (position(k) - position(k - 1)) / (t[k] - t[k - 1])
-                    } else {
-                        let read = readings[c].velocity((c, n + c), nx, states, t, k);
-                        read.value
-                    };
-                    simulated - measured[first + k]
-                }
-                _ => on_circle(position(k) - run.q[c][first + k]),
-            };
-            sums.count += 1.0;
-            sums.sum += error;
-            sums.absolute += error.abs();
-            sums.squares += error * error;
+    logs: &[Log],
+    options: &Options,
+    starts: &[(usize, usize, usize)],
+    of: impl Fn(&RolledWindow<'_>) -> T + Sync,
+) -> Vec<Option<T>> {
+    let runs: Vec<&Run> = logs.iter().flat_map(|log| &log.runs).collect();
+    let hybrid = Hybrid::of(model);
+    let readings = hybrid.readings(&hybrid.theta(), &[]);
+    let free_runs: Vec<FreeRun> = runs
+        .iter()
+        .map(|run| FreeRun::new(&hybrid, &run.t, &run.u, options.longest_step))
+        .collect();
+    let initial: Vec<Vec<f64>> = match options.initial {
+        Initial::Past => {
+            let at: Vec<_> = starts.iter().map(|start| (start.0, start.1)).collect();
+            states_by_the_past(model, logs, &at, options)
         }
-        sums
+        kind => {
+            let states = |(run, free_run): (&&Run, &FreeRun)| {
+                free_run.with_hidden(initial_states(model, run, kind))
+            };
+            let all: Vec<_> = runs.iter().zip(&free_runs).map(states).collect();
+            let one = |&(run, first, _): &(usize, usize, usize)| all[run][first].clone();
+            starts.iter().map(one).collect()
+        }
     };
-    channels.iter().map(sums).collect()
+    starts
+        .par_iter()
+        .zip(&initial)
+        .map_init(
+            Trajectory::default,
+            |trajectory, (&(run, first, count), initial)| {
+                let free_run = free_runs.get(run)?;
+                let mut roller = free_run.roller();
+                free_run
+                    .roll(&mut roller, (first, count), initial, trajectory)
+                    .ok()?;
+                Some(of(&RolledWindow {
+                    model,
+                    run: runs[run],
+                    first,
+                    nx: hybrid.nx(),
+                    states: &trajectory.states,
+                    readings: &readings,
+                }))
+            },
+        )
+        .collect()
+}
+
+/// A window that has been rolled out.
+struct RolledWindow<'a> {
+    model: &'a Model,
+    run: &'a Run,
+    /// Its first sample.
+    first: usize,
+    /// `nx` numbers each.
+    nx: usize,
+    states: &'a [f64],
+    readings: &'a [Reading],
+}
+
+impl RolledWindow<'_> {
+    /// What the sensor of a channel would read at sample `k` of the window, from the second on: a velocity that is a backward difference of
+    /// positions is one.
+    fn reads(&self, channel: Channel, k: usize) -> f64 {
+        let n = self.model.mechanics.nv();
+        let c = channel.coordinate;
+        let (reading, places) = (&self.readings[c], (c, n + c));
+        let t = &self.run.t[self.first..];
+        let position = |k| reading.position(places, self.nx, self.states, t, k).value;
+        let velocity = self.model.sensors[c].velocity;
+        match channel.velocity {
+            false => position(k),
+            true if velocity == Velocity::BackwardDifference => {
+                (position(k) - position(k - 1)) / (t[k] - t[k - 1])
+            }
+            true => reading.velocity(places, self.nx, self.states, t, k).value,
+        }
+    }
+
+    /// Errors of a channel at every sample but the first, simulated less measured.
+    fn errors(&self, channel: Channel, mut each: impl FnMut(f64)) {
+        let c = channel.coordinate;
+        let wraps = self.model.mechanics.coordinates()[c].wraps;
+        for k in 1..self.states.len() / self.nx {
+            let reads = self.reads(channel, k);
+            each(match (channel.velocity, &self.run.v[c]) {
+                (true, Some(measured)) => reads - measured[self.first + k],
+                _ => {
+                    let error = reads - self.run.q[c][self.first + k];
+                    if wraps { wrap_angle(error) } else { error }
+                }
+            });
+        }
+    }
+}
+
+/// The errors themselves behind an [`Evaluation`], one list a signal of [`Evaluation::coordinates`], window after window.
+///
+/// # Errors
+/// As [`evaluate`], but for overflow.
+pub fn errors(model: &Model, logs: &[Log], options: &Options) -> Result<Vec<Vec<f64>>, Error> {
+    refuse_poses(model.mechanics.coordinates(), WORK)?;
+    let runs: Vec<&Run> = logs.iter().flat_map(|log| &log.runs).collect();
+    let starts = starts(&runs, options);
+    let channels = channels(model, &runs);
+    let of_window = over_windows(model, logs, options, &starts, |window| {
+        let list = |channel: &Channel| {
+            let mut list = Vec::new();
+            window.errors(*channel, |error| list.push(error));
+            list
+        };
+        channels.iter().map(list).collect::<Vec<_>>()
+    });
+    let mut all = vec![Vec::new(); channels.len()];
+    for window in of_window.into_iter().flatten() {
+        for (all, own) in all.iter_mut().zip(window) {
+            all.extend(own);
+        }
+    }
+    match all.first().is_some_and(|errors| !errors.is_empty()) {
+        true => Ok(all),
+        false => Err(Error::NoWindow {
+            horizon: options.horizon,
+        }),
+    }
 }

@@ -25,8 +25,11 @@ const SMOOTHING: f64 = 0.03;
 pub enum Initial {
     /// The measured positions and velocities; a velocity that is not measured is the difference of the neighbouring positions.
     Measured,
-    /// Cubics fitted to the positions around the sample.
+    /// Cubics fitted to the positions around the sample, those after it among them.
     Estimated,
+    /// Where the model gets from the state 0.3 s before that fits the positions from there to the sample best: nothing after it is seen. Of a
+    /// single state, that of [`initial_states`], the positions around it are not there: it is as [`Initial::Measured`].
+    Past,
 }
 
 /// The states (q, v) of a run from which free runs can start, behind what its sensors read: one row a sample.
@@ -58,7 +61,7 @@ pub fn initial_states(model: &Model, run: &Run, kind: Initial) -> Vec<Vec<f64>> 
                 .map(|k| behind_readings(smoothed.state(k)))
                 .collect()
         }
-        Initial::Measured => {
+        Initial::Measured | Initial::Past => {
             let v: Vec<Vec<f64>> = q
                 .iter()
                 .zip(&run.v)

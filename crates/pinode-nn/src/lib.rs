@@ -48,6 +48,7 @@ mod disk;
 mod entries;
 mod error;
 mod naming;
+mod past;
 
 pub use error::Error;
 

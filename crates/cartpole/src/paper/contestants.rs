@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use pinode_nn::learnt::Quantity;
 use pinode_nn::log::Log;
-use pinode_nn::model::Model;
+use pinode_nn::model::{Model, Revision};
 use pinode_nn::train::{Options, Start, Training, fit_physics, train};
 
 use super::Error;
@@ -19,13 +19,20 @@ pub enum Contestant {
     OdeOnWindows,
     /// PINODE as published: the network alone on the cart, one step, λ₁ = λ₂ = 1.
     Pinode,
-    /// This library's: delay and frictions fitted first, a network for what they leave, windows of 0.4 s with fitted initial states.
+    /// This library's: delay, frictions and the motor's inertia fitted, a network for what they leave beside them, windows of 0.4 s with fitted
+    /// initial states.
     Ours,
+    /// No mechanics: q̈ = Q_NN(q, q̇, u), trained as PINODE as published.
+    BlackBox,
+    /// Nothing but the velocity at the start.
+    ConstantVelocity,
 }
 
 impl Contestant {
     /// All of them.
-    pub const ALL: [Contestant; 4] = [
+    pub const ALL: [Contestant; 6] = [
+        Contestant::ConstantVelocity,
+        Contestant::BlackBox,
         Contestant::Ode,
         Contestant::OdeOnWindows,
         Contestant::Pinode,
@@ -39,6 +46,8 @@ impl Contestant {
             Contestant::OdeOnWindows => "pure ODE, windows of 0.4 s",
             Contestant::Pinode => "PINODE as published",
             Contestant::Ours => "ours: effects, and a network for the rest",
+            Contestant::BlackBox => "black box",
+            Contestant::ConstantVelocity => "constant velocity",
         }
     }
 
@@ -49,6 +58,8 @@ impl Contestant {
             Contestant::OdeOnWindows => "ode-on-windows",
             Contestant::Pinode => "pinode",
             Contestant::Ours => "ours",
+            Contestant::BlackBox => "black-box",
+            Contestant::ConstantVelocity => "constant-velocity",
         }
     }
 
@@ -57,7 +68,8 @@ impl Contestant {
         match self {
             Contestant::Ode | Contestant::OdeOnWindows => COULOMB_AND_VISCOUS,
             Contestant::Pinode => FIXED_VISCOUS,
-            Contestant::Ours => DELAY_AND_FRICTIONS,
+            Contestant::Ours => SUSPECTS,
+            Contestant::BlackBox | Contestant::ConstantVelocity => "",
         }
     }
 
@@ -69,7 +81,13 @@ impl Contestant {
                 alone: false,
                 ..published
             },
-            Contestant::OdeOnWindows | Contestant::Ours => Options::new(vec![SLIDER]),
+            Contestant::OdeOnWindows | Contestant::Ours | Contestant::ConstantVelocity => {
+                Options::new(vec![SLIDER])
+            }
+            Contestant::BlackBox => Options {
+                joints: vec![SLIDER, POLE],
+                ..published
+            },
             Contestant::Pinode => Options {
                 // cos φ, sin φ, ẋ, φ̇ and u: 5,451 parameters.
                 quantities: vec![
@@ -103,6 +121,11 @@ impl Contestant {
     ) -> Result<PathBuf, Error> {
         let text = std::fs::read_to_string(known).map_err(|e| pinode_nn::Error::io(known, e))?;
         let model = Model::parse(known, text + self.effects())?;
+        let model = match self {
+            Contestant::BlackBox => model.without_mechanics(true)?,
+            Contestant::ConstantVelocity => model.without_mechanics(false)?,
+            _ => model,
+        };
         let options = self.options(seed, epochs);
         debug_assert!(options.start != Start::Fitted || options.horizon > 0.0);
         let training = Training {
@@ -115,7 +138,10 @@ impl Contestant {
                 let revision = fit_physics(&training, &options)?;
                 model.write_revision(folder, "model.toml", &revision)?
             }
-            Contestant::Pinode | Contestant::Ours => {
+            Contestant::ConstantVelocity => {
+                model.write_revision(folder, "model.toml", &Revision::of(&model))?
+            }
+            Contestant::Pinode | Contestant::Ours | Contestant::BlackBox => {
                 train(&training, &options, None, &mut |_| Ok(()))?.write(&model, folder)?
             }
         })
@@ -153,8 +179,8 @@ coefficient = 0.0020              # N·m·s/rad
 fixed = true
 "#;
 
-/// What is suspected before anything is learnt.
-const DELAY_AND_FRICTIONS: &str = r#"
+/// What is suspected before anything is learnt, the string's motor among it as far as a stiff one carries it along.
+const SUSPECTS: &str = r#"
 [[effect]]
 kind  = "input_delay"
 input = "motor"
@@ -171,6 +197,12 @@ kind  = "viscous_friction"
 joint = "pole"
 coefficient = 0.0020              # N·m·s/rad
 
+[[effect]]
+kind  = "reflected_inertia"
+joint = "slider"
+inertia = 0.0                     # kg
+
 [tolerance]
-mass = 0.005                      # Table 2 gives grams
+mass = 0.0                        # Table 2 is believed
+gain = 0.0
 "#;

@@ -179,7 +179,7 @@ impl Experiment {
         tell("the true model");
         let steps = (HORIZON / rig.interval()).round() as usize;
         for (starts, from) in [("measured", StartsAt::Measured), ("true", StartsAt::True)] {
-            let errors = true_errors(rig, &test, (self.windows, steps), from, seed)?;
+            let errors = true_errors(rig, &test, (self.windows, steps), from)?;
             rows.push((
                 "true".to_owned(),
                 "the true model".to_owned(),

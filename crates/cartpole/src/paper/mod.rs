@@ -19,7 +19,7 @@
 //! }
 //! let strong = rig.with_friction(Friction::Strong);
 //! let test = strong.record(table::TEST_SAMPLES, 2)?;
-//! let errors = true_errors(&strong, &test, (1000, 30), StartsAt::Measured, 3)?;
+//! let errors = true_errors(&strong, &test, (1000, 30), StartsAt::Measured)?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 mod contestants;

@@ -1,8 +1,5 @@
 //! How far the true model is from the measurement: what no model of the rig can do better from the same start.
 
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
-
 use super::{Error, PaperRig, Recording, Start};
 use crate::rig::truth::State;
 
@@ -15,10 +12,10 @@ pub enum StartsAt {
     True,
 }
 
-/// Mean absolute errors of the true model, of x, m, φ, rad, ẋ, m/s, and φ̇, rad/s, against the measured ones, over all
-/// steps of `windows` roll-outs of `steps` steps that begin at random rows (Roehrl et al. 2020, section 5: 1000 of 0.6 s).
+/// Mean absolute errors of the true model, of x, m, φ, rad, ẋ, m/s, and φ̇, rad/s, against the measured ones: velocities are backward differences of
+/// positions here as there. Over all steps of `windows` roll-outs of `steps` steps that begin at rows evenly spread (Roehrl et al. 2020, section 5: 1000 of 0.6 s).
 ///
-/// Angles are compared on the circle. The same seed gives the same windows.
+/// Angles are compared on the circle.
 ///
 /// # Errors
 /// [`Error::Short`] for a recording that has no such window, else as [`PaperRig::true_run`].
@@ -27,7 +24,6 @@ pub fn true_errors(
     recording: &Recording,
     (windows, steps): (usize, usize),
     from: StartsAt,
-    seed: u64,
 ) -> Result<[f64; 4], Error> {
     let log = &recording.log;
     let (first, rows) = (rig.past(), log.len());
@@ -37,10 +33,9 @@ pub fn true_errors(
             needed: first + steps + 1,
         });
     }
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut sums = [0.0; 4];
-    for _ in 0..windows {
-        let k = rng.random_range(first..rows - steps);
+    for window in 0..windows {
+        let k = first + window * (rows - steps - first) / windows;
         let start = match from {
             StartsAt::Measured => Start {
                 state: State {
@@ -55,15 +50,19 @@ pub fn true_errors(
             },
         };
         let run = rig.true_run(&start, &log.u[k - first..k], &log.u[k..k + steps])?;
-        for (i, State { q, v }) in run.iter().enumerate().skip(1) {
-            let row = k + i;
+        let rate = rig.settings.rate;
+        for (i, pair) in run.windows(2).enumerate() {
+            let [State { q: before, .. }, State { q, .. }] = pair else {
+                continue;
+            };
+            let row = k + i + 1;
             let turn = q[1] - log.q[1][row];
             let angle = turn - std::f64::consts::TAU * (turn / std::f64::consts::TAU).round();
             let errors = [
                 q[0] - log.q[0][row],
                 angle,
-                v[0] - log.v[0][row],
-                v[1] - log.v[1][row],
+                (q[0] - before[0]) * rate - log.v[0][row],
+                (q[1] - before[1]) * rate - log.v[1][row],
             ];
             for (sum, error) in sums.iter_mut().zip(errors) {
                 *sum += error.abs();

@@ -37,8 +37,10 @@ pub(super) struct Arguments {
 enum Start {
     /// The measured one, as in the paper
     Measured,
-    /// From cubics fitted to the positions around it
+    /// From cubics fitted to the positions around it, those after it among them
     Estimated,
+    /// Fitted by the model to the positions of the 0.3 s before it: what a prediction can know
+    Past,
 }
 
 pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
@@ -55,6 +57,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
         initial: match arguments.initial {
             Start::Measured => Initial::Measured,
             Start::Estimated => Initial::Estimated,
+            Start::Past => Initial::Past,
         },
         longest_step: arguments.step,
     };

@@ -69,6 +69,7 @@
 //! joint has three (`foot.x`, `foot.y`, `foot.theta`; in TOML `[sensor."foot.x"]`). The pose of a floating body cannot be named there:
 //! it is no single number.
 
+mod blank;
 mod constraints;
 mod document;
 mod effects;

@@ -1,0 +1,40 @@
+//! A model of which nothing is known but its coordinates, inputs and sensors: what black boxes and naive predictions start from.
+
+use toml_edit::{Array, DocumentMut, Item, Table, value};
+
+use super::Model;
+use crate::Error;
+
+/// What is left of a model's file; the inputs only where the coordinates are driven.
+const LEFT: [&str; 3] = ["name", "sensor", "log"];
+const INPUT: &str = "input";
+
+impl Model {
+    /// The model without its mechanics: T = ½ Σ q̇², V = 0, no effects. Each coordinate goes on with the velocity that it has; with a network alone on
+    /// all of them it is a black box, v̇ = Q_NN(q, v, u) ([`Options::alone`](crate::train::Options::alone)). `driven`: whether it keeps its inputs.
+    ///
+    /// # Errors
+    /// [`Error::Problems`] when a coordinate has a name that no expression can have; [`Error::Floating`] when one is the pose of a floating body.
+    pub fn without_mechanics(&self, driven: bool) -> Result<Model, Error> {
+        let coordinates = self.mechanics.coordinates();
+        crate::entries::refuse_poses(coordinates, "a model without mechanics")?;
+        let mut document: DocumentMut = self.text.parse().map_err(|e: toml_edit::TomlError| {
+            Error::io(&self.path, std::io::Error::other(e.to_string()))
+        })?;
+        let table = document.as_table_mut();
+        table.retain(|key, _| LEFT.contains(&key) || (driven && key == INPUT));
+        let names = |keep: &dyn Fn(&lagrange::Coordinate) -> bool| -> Array {
+            let kept = coordinates.iter().filter(|c| keep(c));
+            kept.map(|c| c.name.as_str()).collect()
+        };
+        let squares = coordinates.iter().map(|c| format!("{}_dot^2", c.name));
+        let squares: Vec<String> = squares.collect();
+        let mut lagrangian = Table::new();
+        lagrangian.insert("coordinates", value(names(&|_| true)));
+        lagrangian.insert("angles", value(names(&|c| c.angular)));
+        lagrangian.insert("kinetic", value(format!("0.5*({})", squares.join(" + "))));
+        lagrangian.insert("potential", value("0"));
+        table.insert("lagrangian", Item::Table(lagrangian));
+        Model::parse(&self.path, document.to_string())
+    }
+}

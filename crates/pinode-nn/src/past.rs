@@ -1,0 +1,106 @@
+//! The state that a model is in by what was measured of the past: no reading after the sample tells of it, so a free run from there predicts.
+//!
+//! Run over the last [`PAST`] seconds under the inputs of then, the model has its positions where they were read if it began at the right state: that
+//! is fitted (a moving-horizon estimate), and where the run ends is the state. One reading has the noise of its sensor, a difference of two that of
+//! both over a sample interval; this has what is left of that after as many readings as there are.
+
+use crate::diagnose::audit::audit;
+use crate::evaluate::Options;
+use crate::free_run::{FreeRun, Initial, initial_states};
+use crate::hybrid::Hybrid;
+use crate::log::Log;
+use crate::model::Model;
+use crate::shooting::{FitOptions, HiddenPrior, Member, Window, fit, roll_all};
+
+/// How far back positions tell of the state, s.
+pub(crate) const PAST: f64 = 0.3;
+/// At least so many samples do.
+const FEWEST: usize = 5;
+/// Steps of the fit.
+const STEPS: usize = 6;
+/// Integration steps of the fit are not longer, s: what they miss is far below the sensors' noise.
+const LONGEST_STEP: f64 = 5e-3;
+
+/// The states (q, v, h) at these samples of these recordings of `logs`; that of [`Initial::Measured`] where there is too little before a sample or the
+/// model does not get there.
+pub(crate) fn states_by_the_past(
+    model: &Model,
+    logs: &[Log],
+    at: &[(usize, usize)],
+    options: &Options,
+) -> Vec<Vec<f64>> {
+    let observations = audit(model, logs, &[]).observations;
+    let hybrid = Hybrid::of(model);
+    let theta = hybrid.theta();
+    let runs: Vec<_> = logs.iter().flat_map(|log| &log.runs).collect();
+    let of = |kind: Initial, longest: f64| -> Vec<Vec<Vec<f64>>> {
+        let states = |run: &&crate::log::Run| {
+            let free = FreeRun::new(&hybrid, &run.t, &run.u, longest);
+            free.with_hidden(initial_states(model, run, kind))
+        };
+        runs.iter().map(states).collect()
+    };
+    let (measured, guesses) = (
+        of(Initial::Measured, options.longest_step),
+        of(Initial::Estimated, options.longest_step),
+    );
+    // (which of `at`, its window), and where that begins.
+    let mut asked = Vec::new();
+    let mut states = Vec::new();
+    for (index, &(run, sample)) in at.iter().enumerate() {
+        let t = &observations.runs[run].t;
+        let first = t[..=sample].partition_point(|t| *t < observations.runs[run].t[sample] - PAST);
+        if sample + 1 - first >= FEWEST {
+            let count = sample + 1 - first;
+            asked.push((index, Window { run, first, count }));
+            states.push(guesses[run][first].clone());
+        }
+    }
+    let windows: Vec<Window> = asked.iter().map(|(_, window)| *window).collect();
+    let interval = observations.runs.iter().flat_map(|run| run.t.windows(2));
+    let longest = interval.map(|t| t[1] - t[0]).fold(0.0, f64::max);
+    let substeps = ((longest / LONGEST_STEP).ceil() as usize).clamp(1, 100);
+    let noise = observations.channels.iter().map(|c| 3.0 * c.noise);
+    let fitted = fit(
+        &hybrid,
+        &observations,
+        &windows,
+        &[],
+        theta.clone(),
+        states,
+        noise.collect(),
+        &HiddenPrior::none(windows.len()),
+        &FitOptions {
+            substeps,
+            iterations: 0,
+            state_iterations: STEPS,
+        },
+    );
+    let runs = &observations.runs;
+    let inputs: Vec<_> = runs
+        .iter()
+        .map(|run| hybrid.drive(&run.t, &run.u, substeps, &theta, &[]))
+        .collect();
+    let members: Vec<Member> = windows
+        .iter()
+        .zip(&fitted.states)
+        .map(|(window, initial)| Member {
+            inputs: &inputs[window.run],
+            span: (window.first, window.count),
+            initial,
+        })
+        .collect();
+    let rolled = roll_all((&hybrid, &theta, &[]), &members, false);
+    let mut found: Vec<Vec<f64>> = at
+        .iter()
+        .map(|&(run, sample)| measured[run][sample].clone())
+        .collect();
+    for ((index, _), trajectory) in asked.iter().zip(rolled) {
+        let last =
+            trajectory.and_then(|t| t.states.rchunks(hybrid.nx()).next().map(<[f64]>::to_vec));
+        if let Some(last) = last {
+            found[*index] = last;
+        }
+    }
+    found
+}
