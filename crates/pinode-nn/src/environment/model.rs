@@ -102,7 +102,7 @@ impl<T: Task> ModelEnvironment<T> {
             return Err(EnvironmentError::Memory { model: name });
         };
         let samples = (past / interval).ceil();
-        if !(samples <= MOST_PAST as f64) {
+        if samples.is_nan() || samples > MOST_PAST as f64 {
             return Err(EnvironmentError::Past {
                 model: name,
                 samples,
