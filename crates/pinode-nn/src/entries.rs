@@ -5,10 +5,8 @@ use lagrange::Coordinate;
 use crate::Error;
 
 /// Entries of a pose in q: position, then the unit quaternion.
-#[cfg(feature = "cli")]
 const POSE: [&str; 7] = ["x", "y", "z", "qw", "qx", "qy", "qz"];
 /// Entries of its velocity in v, in the axes of the moved body: linear, then angular.
-#[cfg(feature = "cli")]
 const TWIST: [&str; 6] = ["vx", "vy", "vz", "wx", "wy", "wz"];
 
 /// Where a coordinate's entries start.
@@ -35,18 +33,15 @@ pub(crate) fn starts(coordinates: &[Coordinate]) -> Vec<Start> {
 }
 
 /// The names of q's entries: `q.<coordinate>`; for a pose `q.<coordinate>.x`, `.y`, `.z`, `.qw`, `.qx`, `.qy`, `.qz`.
-#[cfg(feature = "cli")]
 pub(crate) fn q_names(coordinates: &[Coordinate]) -> Vec<String> {
     names("q", coordinates, &POSE)
 }
 
 /// The names of v's entries: `v.<coordinate>`; for a pose `v.<coordinate>.vx`, `.vy`, `.vz`, `.wx`, `.wy`, `.wz`.
-#[cfg(feature = "cli")]
 pub(crate) fn v_names(coordinates: &[Coordinate]) -> Vec<String> {
     names("v", coordinates, &TWIST)
 }
 
-#[cfg(feature = "cli")]
 fn names(signal: &str, coordinates: &[Coordinate], of_pose: &[&str]) -> Vec<String> {
     let mut names = Vec::new();
     for Coordinate { name, floating, .. } in coordinates {

@@ -7,7 +7,7 @@
 //!
 //! It is the rig of [`crate::rig`] with other settings ([`crate::config::PaperConfig`]) and another hand: plant, contacts, string, delay, sensors
 //! and recording are those. So [`PaperRig::true_run`] is a model of the rig that lacks nothing: what it misses in a recording, no
-//! model can be blamed for.
+//! model can be blamed for. [`RigEnvironment`] is the rig at work, for controllers to run on.
 //!
 //! ```no_run
 //! use cartpole::paper::{Friction, StartsAt, PaperRig, table, true_errors};
@@ -23,6 +23,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 mod contestants;
+mod environment;
 mod experiment;
 pub mod operator;
 mod recording;
@@ -31,6 +32,7 @@ pub mod table;
 mod windows;
 
 pub use contestants::Contestant;
+pub use environment::RigEnvironment;
 pub use experiment::{Errors, Experiment, Outcome, Row, Table};
 pub use recording::{Recording, Truth};
 pub use rig::{Friction, PaperRig, Start};
@@ -51,6 +53,9 @@ pub enum Error {
     /// A model, its training or its evaluation.
     #[error(transparent)]
     Model(#[from] pinode_nn::Error),
+    /// The rig as an environment.
+    #[error(transparent)]
+    Environment(#[from] pinode_nn::environment::EnvironmentError),
     /// Settings that have been changed to what no rig has.
     #[error("{key} {message}")]
     Setting {

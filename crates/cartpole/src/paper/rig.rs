@@ -41,7 +41,7 @@ pub struct PaperRig {
     pub settings: PaperConfig,
     /// Which of the two frictions it has.
     pub friction: Friction,
-    plant: Mechanism,
+    pub(super) plant: Mechanism,
 }
 
 /// Where a motion begins.
@@ -200,13 +200,13 @@ impl PaperRig {
     }
 
     /// The middle of the rail, m: the place of the rig's 0.
-    fn middle(&self) -> f64 {
+    pub(super) fn middle(&self) -> f64 {
         self.settings
             .rail
             .map_or(0.0, |Ends { left, right, .. }| 0.5 * (left + right))
     }
 
-    fn shifted(&self, mut state: State, by: f64) -> State {
+    pub(super) fn shifted(&self, mut state: State, by: f64) -> State {
         state.q[0] += by;
         state
     }
@@ -226,7 +226,7 @@ impl PaperRig {
     }
 
     /// What acts on the rig, places from the middle of its rail.
-    fn effects(&self) -> Result<Effects, Error> {
+    pub(super) fn effects(&self) -> Result<Effects, Error> {
         if let Some((key, message)) = self.settings.faults().into_iter().next() {
             return Err(Error::Setting { key, message });
         }

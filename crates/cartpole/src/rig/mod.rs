@@ -157,6 +157,34 @@ impl Run<'_> {
         )
     }
 
+    /// The rig in a state in which it was all the time before, without inputs.
+    pub fn start<P: Plant>(&self, plant: P, state: State) -> Bench<P> {
+        let interval = 1.0 / self.rate;
+        let pieces = (interval / DISTURBANCE_INTERVAL * (1.0 - 1e-9))
+            .ceil()
+            .max(1.0);
+        let disturbance = Coloured::new(
+            self.random(stream::CART_FORCE),
+            self.noise.cart_force,
+            self.noise.cart_force_time,
+            interval / pieces,
+        );
+        let mut sensors = Sensors::new(*self.noise, self.random(stream::SENSORS));
+        let faults = self.effects.sensors;
+        let before = sensors.measure(faults.read(state.q));
+        Bench {
+            rig: Truth::new(plant, self.effects, self.truth_step, state),
+            effects: self.effects,
+            interval,
+            pieces: pieces as usize,
+            disturbance,
+            sensors,
+            late: [0, 1].map(|joint| Late::new(faults.delay[joint], interval, state.q[joint])),
+            before,
+            recent: VecDeque::new(),
+        }
+    }
+
     /// The rig from rest under the force, N, that `hand` asks for at the beginning of each row, where it sees the rig and the
     /// inputs before, N.
     pub fn record<P: Plant>(
@@ -164,54 +192,79 @@ impl Run<'_> {
         plant: P,
         mut hand: impl FnMut(&Truth<P>, &[f64]) -> f64,
     ) -> Result<Recording, Error> {
-        let interval = 1.0 / self.rate;
-        let pieces = (interval / DISTURBANCE_INTERVAL * (1.0 - 1e-9))
-            .ceil()
-            .max(1.0);
-        let mut disturbance = Coloured::new(
-            self.random(stream::CART_FORCE),
-            self.noise.cart_force,
-            self.noise.cart_force_time,
-            interval / pieces,
-        );
-        let mut sensors = Sensors::new(*self.noise, self.random(stream::SENSORS));
-        let mut rig = Truth::new(plant, self.effects, self.truth_step, State::HANGING);
-
+        let mut bench = self.start(plant, State::HANGING);
         let mut recording = Recording::default();
-        // It was at rest before the first row.
-        let faults = self.effects.sensors;
-        let mut late =
-            [0, 1].map(|joint| Late::new(faults.delay[joint], interval, rig.state().q[joint]));
-        let mut before = sensors.measure(faults.read(rig.state().q));
         for k in 0..self.rows {
-            let state = rig.state();
-            let time = k as f64 / self.rate;
-            let mut seen = state.q;
-            for (seen, late) in seen.iter_mut().zip(&mut late) {
-                *seen = late.next().unwrap_or(*seen);
-            }
-            let measured = sensors.measure(faults.read(seen));
-            let velocity = backward_difference(before, measured, interval);
-            before = measured;
-            recording.t.push(time);
+            let [measured, velocity] = bench.measure();
+            recording.t.push(k as f64 / self.rate);
             for joint in 0..2 {
                 recording.q[joint].push(measured[joint]);
                 recording.v[joint].push(velocity[joint]);
             }
-            let command = hand(&rig, &recording.u);
+            let command = hand(bench.truth(), &recording.u);
             recording.u.push(command);
-            let arriving = arriving(&self.effects.drive, &recording.u, interval);
-            advance(
-                &mut rig,
-                arriving,
-                interval,
-                pieces as usize,
-                &mut disturbance,
-                &mut late,
-            )?;
+            bench.hold(command)?;
         }
-        recording.blows = rig.blows().to_vec();
+        recording.blows = bench.truth().blows().to_vec();
         Ok(recording)
+    }
+}
+
+/// A rig at work: it is measured and acted upon in turn.
+pub(crate) struct Bench<P: Plant> {
+    rig: Truth<P>,
+    effects: Effects,
+    /// Between two rows, s.
+    interval: f64,
+    /// Of an interval, over which the disturbance is held.
+    pieces: usize,
+    disturbance: Coloured,
+    sensors: Sensors,
+    late: [Late; 2],
+    /// What was measured last.
+    before: [f64; 2],
+    /// The inputs that have not all arrived, N, the last one last.
+    recent: VecDeque<f64>,
+}
+
+impl<P: Plant> Bench<P> {
+    /// x, m, and φ, rad, as the sensors read them at the beginning of this interval, and their differences to the reading before, m/s and rad/s. Once an interval.
+    pub fn measure(&mut self) -> [[f64; 2]; 2] {
+        let mut seen = self.rig.state().q;
+        for (seen, late) in seen.iter_mut().zip(&mut self.late) {
+            *seen = late.next().unwrap_or(*seen);
+        }
+        let measured = self.sensors.measure(self.effects.sensors.read(seen));
+        let velocity = backward_difference(self.before, measured, self.interval);
+        self.before = measured;
+        [measured, velocity]
+    }
+
+    /// Lets one interval pass under the input `command`, N.
+    pub fn hold(&mut self, command: f64) -> Result<(), Error> {
+        self.recent.push_back(command);
+        let arriving = arriving(
+            &self.effects.drive,
+            self.recent.make_contiguous(),
+            self.interval,
+        );
+        let matter = (self.effects.drive.delay / self.interval).floor() as usize;
+        while self.recent.len() > matter.saturating_add(1) {
+            self.recent.pop_front();
+        }
+        advance(
+            &mut self.rig,
+            arriving,
+            self.interval,
+            self.pieces,
+            &mut self.disturbance,
+            &mut self.late,
+        )
+    }
+
+    /// What is.
+    pub fn truth(&self) -> &Truth<P> {
+        &self.rig
     }
 }
 

@@ -46,6 +46,11 @@ impl DriveLaw for Lag {
         true
     }
 
+    /// e^(−37) < 10⁻¹⁶.
+    fn past(&self, p: &[f64]) -> Option<f64> {
+        p.first().map(|tau| 37.0 * tau)
+    }
+
     fn pass(&self, grid: &Grid, p: &[f64], first: Option<usize>, signal: &mut Signal) {
         // Below this the lag is over within a rounding error of any step.
         let tau = p[0].max(1e-9);

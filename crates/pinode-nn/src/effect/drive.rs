@@ -61,4 +61,13 @@ pub trait DriveLaw: Send + Sync {
     fn remembers(&self) -> bool {
         false
     }
+
+    /// How long ago, s, an input may have been that still matters: a delay's T, 0 of a law that changes each instant by itself, and of a law
+    /// that remembers the time in which all but 10⁻¹⁶ is lost of what was. `None` (the default of laws that remember): it is not known.
+    fn past(&self, p: &[f64]) -> Option<f64> {
+        match self.remembers() {
+            true => None,
+            false => Some(self.delay(p).unwrap_or(0.0)),
+        }
+    }
 }

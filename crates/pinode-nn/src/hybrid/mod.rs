@@ -28,7 +28,7 @@ use lagrange::{LANES, Mechanics, Role};
 
 use crate::effect::{Action, ActsOn, Between, Grid, Inertial, Kind, Signal, default_smoothing};
 use crate::entries::{Start, starts};
-use crate::learnt::LearntForce;
+use crate::learnt::{LearntForce, Quantity};
 use crate::model::{Model, Target};
 use crate::motion::Positions;
 
@@ -213,6 +213,33 @@ impl Hybrid {
             hybrid.add_network(entry.force.clone());
         }
         hybrid
+    }
+
+    /// The model with inputs that stay as they are between samples, whatever it says of them.
+    pub(crate) fn held(mut self) -> Self {
+        self.between.fill(Between::Held);
+        self
+    }
+
+    /// How long ago, s, what an input was may still matter to the motion, `interval` s a sample; `None` where a law of its drive does not know.
+    pub(crate) fn past(&self, interval: f64, theta: &[f64]) -> Option<f64> {
+        let mut drives = vec![0.0; self.inputs()];
+        for (effect, range) in self.effects.iter().zip(&self.ranges) {
+            if let Action::Drive(law) = effect.kind.action {
+                drives[effect.target] += law.past(&theta[range.clone()])?;
+            }
+        }
+        let back = self
+            .networks
+            .iter()
+            .flat_map(|network| network.features())
+            .map(|feature| match feature.quantity {
+                Quantity::Input { back, .. } => back,
+                _ => 0,
+            })
+            .max();
+        let longest = drives.into_iter().fold(0.0, f64::max);
+        Some(longest + back.unwrap_or(0) as f64 * interval)
     }
 
     /// The velocity over which a sign change of friction is spread unless a model says otherwise, m/s or, of an angle, rad/s.
