@@ -104,6 +104,18 @@ impl LearntForce {
         self.alone
     }
 
+    /// The forces where the quantities of [`features`](Self::features) have these values, by plain loops: for tests and single questions. A missing
+    /// value counts as the feature's offset.
+    pub fn at(&self, x: &[f64]) -> Vec<f64> {
+        let features = self.features.iter().enumerate();
+        let z: Vec<f64> = features
+            .map(|(k, f)| x.get(k).map_or(0.0, |x| (x - f.offset) / f.width))
+            .collect();
+        let y = self.network.evaluate(&z);
+        let outputs = self.outputs.iter().zip(y);
+        outputs.map(|(output, y)| output.scale * y).collect()
+    }
+
     /// Memory for one thread.
     pub(crate) fn room(&self) -> Room {
         let zeros = |n: usize| vec![[0.0; LANES]; n];

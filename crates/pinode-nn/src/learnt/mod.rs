@@ -1,11 +1,14 @@
 //! Learnt forces: networks as a part of Q, what they see of a state, and their files.
 
+mod described;
 mod feature;
 mod force;
+pub mod onnx;
 pub mod weights;
 
+pub use described::Described;
 pub use feature::{Feature, MOST_BACK, Quantity};
 pub(crate) use feature::{Seen, Sight, SinCos, chain, see};
 pub(crate) use force::Room;
 pub use force::{LearntForce, Misfit, Output};
-pub use weights::{Card, Names};
+pub use weights::{Card, Names, Stored};

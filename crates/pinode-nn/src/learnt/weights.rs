@@ -116,6 +116,19 @@ pub fn write(path: &Path, force: &LearntForce, card: &Card, single: bool) -> Res
     write_atomically(path, &to_bytes(path, force, card, single)?)
 }
 
+/// What a file of weights holds.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stored {
+    /// The force.
+    pub force: LearntForce,
+    /// What the file says of itself.
+    pub card: Card,
+    /// SHA-256 of the file, hexadecimal.
+    pub sha256: String,
+    /// Whether all its numbers have 32 bits.
+    pub single: bool,
+}
+
 /// The bytes of the file that [`write()`] writes.
 ///
 /// # Errors
@@ -164,11 +177,11 @@ pub fn to_bytes(
     safetensors::serialize(views, Some(metadata)).map_err(|e| io(e.into()))
 }
 
-/// Reads a learnt force and its card from `path`, with the SHA-256 of the file.
+/// Reads a learnt force and its card from `path`.
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::Problems`] with every fault of the file.
-pub fn read(path: &Path, names: Names<'_>) -> Result<(LearntForce, Card, String), Error> {
+pub fn read(path: &Path, names: Names<'_>) -> Result<Stored, Error> {
     let mut bytes = Vec::new();
     File::open(path)
         .and_then(|file| file.take(LARGEST + 1).read_to_end(&mut bytes))
@@ -179,16 +192,15 @@ pub fn read(path: &Path, names: Names<'_>) -> Result<(LearntForce, Card, String)
         ]),
         false => parse(&bytes, names),
     };
-    let (force, card) = parsed.map_err(|faults| {
+    parsed.map_err(|faults| {
         Error::Problems(Problems {
             source: path.display().to_string(),
             list: faults.into_iter().map(Problem::general).collect(),
         })
-    })?;
-    Ok((force, card, crate::disk::sha256(&bytes)))
+    })
 }
 
-fn parse(bytes: &[u8], names: Names<'_>) -> Result<(LearntForce, Card), Vec<String>> {
+fn parse(bytes: &[u8], names: Names<'_>) -> Result<Stored, Vec<String>> {
     let only = |fault: String| vec![fault];
     let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| {
         only(format!(
@@ -241,7 +253,15 @@ fn parse(bytes: &[u8], names: Names<'_>) -> Result<(LearntForce, Card), Vec<Stri
     let network = Mlp::from_parameters(shape, parameters).map_err(|e| only(e.to_string()))?;
     let force = LearntForce::new(network, features, outputs, card.alone)
         .map_err(|e| only(e.to_string()))?;
-    Ok((force, card))
+    Ok(Stored {
+        force,
+        card,
+        sha256: crate::disk::sha256(bytes),
+        single: tensors
+            .tensors()
+            .iter()
+            .all(|(_, tensor)| tensor.dtype() == Dtype::F32),
+    })
 }
 
 fn read_features(card: &Card, names: Names<'_>, faults: &mut Vec<String>) -> Vec<Feature> {

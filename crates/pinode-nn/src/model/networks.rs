@@ -10,11 +10,11 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::Input;
 use super::document::{Faults, Section};
 use super::mechanism::Mechanism;
+use super::{Input, Model};
 use crate::Error;
-use crate::learnt::{Card, LearntForce, Names, weights};
+use crate::learnt::{Card, Described, LearntForce, Names, weights};
 use crate::naming::quoted;
 
 /// The kind of these tables.
@@ -29,10 +29,30 @@ pub struct NetworkEntry {
     pub path: PathBuf,
     /// SHA-256 of that file, hexadecimal.
     pub sha256: String,
+    /// Whether its numbers have 32 bits.
+    pub single: bool,
     /// The force.
     pub force: Arc<LearntForce>,
     /// What the file says of itself.
     pub card: Card,
+}
+
+impl NetworkEntry {
+    /// What the network sees, one an input; `model` is the one that it is in.
+    pub fn sees(&self, model: &Model) -> Vec<Described> {
+        let features = self.force.features().iter();
+        features
+            .map(|feature| Described::seen(feature.quantity, model))
+            .collect()
+    }
+
+    /// What it adds to Q, one an output.
+    pub fn gives(&self, model: &Model) -> Vec<Described> {
+        let outputs = self.force.outputs().iter();
+        outputs
+            .map(|output| Described::given(output, model))
+            .collect()
+    }
 }
 
 /// Whether an `[[effect]]` table is a network's.
@@ -85,7 +105,7 @@ fn read_one(
     };
     let folder = model.parent().unwrap_or(Path::new(""));
     let path = folder.join(file.value);
-    let (force, card, sha256) = match weights::read(&path, names) {
+    let stored = match weights::read(&path, names) {
         Ok(read) => read,
         Err(Error::Problems(problems)) => {
             for problem in &problems.list {
@@ -98,7 +118,8 @@ fn read_one(
             return None;
         }
     };
-    let trained: Vec<&str> = card
+    let trained: Vec<&str> = stored
+        .card
         .joints
         .iter()
         .map(|joint| joint.name.as_str())
@@ -122,8 +143,9 @@ fn read_one(
     Some(NetworkEntry {
         weights: file.value.to_owned(),
         path,
-        sha256,
-        force: Arc::new(force),
-        card,
+        sha256: stored.sha256,
+        single: stored.single,
+        force: Arc::new(stored.force),
+        card: stored.card,
     })
 }
