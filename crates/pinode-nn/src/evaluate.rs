@@ -7,6 +7,7 @@ use crate::Error;
 use crate::entries::refuse_poses;
 use crate::free_run::{FreeRun, Initial, LONGEST_STEP, initial_states};
 use crate::hybrid::{Hybrid, Reading};
+use crate::learnt::{Departure, Guard, Tally};
 use crate::log::{Log, Run};
 use crate::model::{Model, Velocity};
 use crate::shooting::{Trajectory, wrap_angle};
@@ -54,6 +55,8 @@ pub struct Evaluation {
     pub coordinates: Vec<SignalError>,
     /// What should be known of the logs: gaps that no window spans.
     pub warnings: Vec<String>,
+    /// The networks of the model that left what they were trained on in a window, diverged ones too.
+    pub left_training: Vec<Departure>,
 }
 
 /// The error of one signal.
@@ -114,20 +117,28 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
         .collect();
     let readings = hybrid.readings(&theta, &[]);
     // Sums of each window, put together in the order of the windows: the same bits for any number of threads.
-    let sums: Vec<Option<Vec<Sums>>> = starts
+    let mut guard = Guard::new(model);
+    let windows: Vec<Option<(Option<Vec<Sums>>, Vec<Tally>)>> = starts
         .par_iter()
         .map_init(Trajectory::default, |trajectory, &(run, first, count)| {
             let (free_run, initial) = prepared.get(run)?;
             let mut roller = free_run.roller();
-            free_run
-                .roll(&mut roller, (first, count), initial.get(first)?, trajectory)
+            let initial = initial.get(first)?;
+            let rolled = free_run.roll(&mut roller, (first, count), initial, trajectory);
+            let states = (hybrid.nx(), trajectory.states.as_slice());
+            let seen = guard.look(free_run.inputs(), first, states.1.chunks_exact(states.0));
+            let sums = rolled
                 .ok()
-                .map(|()| {
-                    let states = (hybrid.nx(), trajectory.states.as_slice());
-                    window_sums(model, runs[run], first, states, &readings, &channels)
-                })
+                .map(|()| window_sums(model, runs[run], first, states, &readings, &channels));
+            Some((sums, seen))
         })
         .collect();
+    let mut sums = Vec::with_capacity(windows.len());
+    for (window, &(run, ..)) in windows.into_iter().zip(&starts) {
+        let (window, seen) = window.unwrap_or_default();
+        sums.push(window);
+        guard.add(&runs[run].id, &runs[run].t, seen);
+    }
     let diverged = sums.iter().filter(|window| window.is_none()).count();
     if diverged == starts.len() {
         return Err(Error::Unfittable {
@@ -177,6 +188,7 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
         diverged,
         coordinates: errors,
         warnings: runs.iter().filter_map(|run| gap_warning(run)).collect(),
+        left_training: guard.departures(),
     })
 }
 

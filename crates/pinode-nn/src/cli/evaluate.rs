@@ -68,6 +68,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     for warning in &evaluation.warnings {
         output.note(&format!("warning: {warning}"));
     }
+    output.departures(&evaluation.left_training);
     output.result(&evaluation, &text(&evaluation))
 }
 

@@ -17,6 +17,7 @@ use crate::disk::write_atomically;
 use crate::entries::{q_names, starts, v_names};
 use crate::free_run::{Initial, LONGEST_STEP, initial_states};
 use crate::hybrid::Hybrid;
+use crate::learnt::Guard;
 use crate::log::Run;
 use crate::model::Model;
 
@@ -96,6 +97,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     };
     let mut text = header(&model, arguments.log.is_some()).into_bytes();
     let (mut samples, mut effort) = (0, Effort::default());
+    let mut guard = Guard::new(&model);
     for mut run in runs {
         if let Some(duration) = arguments.duration {
             shorten(&mut run, duration);
@@ -117,12 +119,15 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
             .method
             .simulate(&model, &run, &initial, fineness, &mut effort)?;
         samples += states.len();
+        guard.watch(&run.id, &run.t, &run.u, &states);
         let id = arguments.log.is_some().then_some(run.id.as_str());
         write_rows(&mut text, &model, &run, id, &states)?;
     }
     write_atomically(&arguments.out, &text)?;
     let path = arguments.out.display().to_string();
-    let mut document = json!({ "out": path, "samples": samples });
+    let left_training = guard.departures();
+    output.departures(&left_training);
+    let mut document = json!({ "out": path, "samples": samples, "left_training": left_training });
     let mut text = format!("{samples} samples written to {path}\n");
     match arguments.method {
         Stepping::Fixed(_) => document["longest_step_s"] = json!(step),

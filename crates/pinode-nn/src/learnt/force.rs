@@ -9,7 +9,7 @@ use std::fmt;
 use lagrange::LANES;
 
 use super::feature::{chain, see};
-use super::{Feature, Seen, Sight};
+use super::{Feature, Region, Seen, Sight};
 use crate::hybrid::Lane;
 use crate::network::{Mlp, Single, Tape};
 
@@ -26,10 +26,12 @@ pub struct Output {
 #[derive(Clone, PartialEq)]
 pub struct LearntForce {
     network: Mlp<f64>,
-    features: Vec<Feature>,
+    pub(super) features: Vec<Feature>,
     outputs: Vec<Output>,
     /// Whether the inputs act on the network's joints through the network alone.
     alone: bool,
+    /// What it was trained on.
+    pub(super) region: Option<Region>,
 }
 
 /// A network does not fit what it sees or acts on.
@@ -81,6 +83,7 @@ impl LearntForce {
             features,
             outputs,
             alone,
+            region: None,
         })
     }
 

@@ -3,7 +3,9 @@
 mod described;
 mod feature;
 mod force;
+mod guard;
 pub mod onnx;
+mod region;
 pub mod weights;
 
 pub use described::Described;
@@ -11,4 +13,7 @@ pub use feature::{Feature, MOST_BACK, Quantity};
 pub(crate) use feature::{Seen, Sight, SinCos, chain, see};
 pub(crate) use force::Room;
 pub use force::{LearntForce, Misfit, Output};
+pub(crate) use guard::Tally;
+pub use guard::{Departure, Guard, Saw};
+pub use region::{MARGIN, Outside, Region};
 pub use weights::{Card, Names, Stored};

@@ -270,6 +270,8 @@ fn trained<T: Real>(
 ) -> Result<Trained, Error> {
     let model = training.model;
     let force = session.force(&session.best)?;
+    let seen = session.recordings.seen_states(force.features());
+    let force = force.trained_on(&seen);
     let inputs: Vec<&str> = model.inputs.iter().map(|i| i.name.as_str()).collect();
     let mut card = Card::of(
         &force,
@@ -302,7 +304,7 @@ fn trained<T: Real>(
             Start::Fitted => "squares of the sensors' noise, from fitted states; windows beyond ten of it count little more",
         },
         "precision": if options.single { "f32" } else { "f64" },
-        "range": "outside of the features' `range` the force was never seen",
+        "range": "the features' `range` and the tensor `region` are what the windows that were learnt from cover; outside of it the force was never seen",
     });
     if let serde_json::Value::Object(words) = words {
         card.training = words;
