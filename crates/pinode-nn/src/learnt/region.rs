@@ -3,7 +3,7 @@
 //! The range of each quantity says little of several together: most of a box in five dimensions is empty. So points are kept that cover the training
 //! data, chosen one after the other where the data are farthest from those chosen before (Gonzalez 1985). Quantities count as shares of their ranges,
 //! ξ = (x − low)/(high − low), and the distance of two states is the largest difference of a ξ. Every state of the training data is within the
-//! reach of a point; a state that is beyond the reach of all is unlike anything that was seen, though each of its quantities may be in its range.
+//! reach of a point; a state that is well beyond the reach of all is unlike anything that was seen, though each of its quantities may be in its range.
 
 use super::{Feature, LearntForce};
 
@@ -11,6 +11,11 @@ use super::{Feature, LearntForce};
 const MOST_POINTS: usize = 256;
 /// Less than this share of a range is no difference: neither beyond an end of it, nor between states.
 pub const MARGIN: f64 = 0.05;
+
+/// A state is unlike the training where the nearest point is farther than the reach by this factor. A cart-pole's network that sees five quantities,
+/// trained on 60 s, found 7 % of the samples of a fresh minute of the same kind outside by the reach itself, 0.4 % by this; of a minute under inputs
+/// twice as large 43 %, 32 % by ranges alone.
+const SLACK: f64 = 1.5;
 
 /// Points that cover what a network was trained on.
 #[derive(Debug, Clone, PartialEq)]
@@ -149,7 +154,7 @@ impl LearntForce {
 
     /// How the state `x`, values of its [`features`](Self::features), is outside of what it was trained on; none where it is not.
     ///
-    /// A quantity is beyond its range by more than [`MARGIN`] of it, or no state like this one was seen: the nearest point is beyond its reach.
+    /// A quantity is beyond its range by more than [`MARGIN`] of it, or no state like this one was seen: the nearest point is half as far again as its reach.
     pub fn outside(&self, x: &[f64]) -> Option<Outside> {
         let beyond = self.features.iter().zip(x).map(|(f, x)| f.beyond(*x));
         let farthest = beyond.enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
@@ -160,7 +165,7 @@ impl LearntForce {
         }
         let region = self.region.as_ref()?;
         let distance = region.distance(&self.features, x);
-        (distance > region.reach).then_some(Outside::Unlike(distance))
+        (distance > SLACK * region.reach).then_some(Outside::Unlike(distance))
     }
 }
 
