@@ -155,6 +155,12 @@ pub enum Error {
         /// What was to be done with it.
         work: &'static str,
     },
+    /// A band is asked for, and there is one network or none.
+    #[error("{} has no ensemble, and a band needs one: train it by `pinode train --members 5`, or leave out --band", path.display())]
+    NoEnsemble {
+        /// The model.
+        path: PathBuf,
+    },
     /// A number that scales a network is beyond the range of 32 bits.
     #[error(
         "the {what} of {name} is {value:e}, which 32 bits do not hold: export it by `--precision f64`"

@@ -11,6 +11,7 @@ use crate::learnt::{Departure, Guard, Tally};
 use crate::log::{Log, Run};
 use crate::model::{Model, Velocity};
 use crate::shooting::{Trajectory, wrap_angle};
+use crate::spread::{Squares, spread};
 
 /// More than so many typical sample intervals between two samples are a gap.
 const GAP: f64 = 10.0;
@@ -72,6 +73,10 @@ pub struct SignalError {
     pub rmse: f64,
     /// Standard deviation of the error about its mean.
     pub std: f64,
+    /// How far the members of an ensemble are apart, see [`spread`](crate::spread): root mean square over the samples of the windows in which no member
+    /// diverged; none without an ensemble.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spread: Option<f64>,
 }
 
 /// A measured signal.
@@ -116,9 +121,20 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
         })
         .collect();
     let readings = hybrid.readings(&theta, &[]);
+    let members: Vec<Hybrid> = match model.has_ensemble() {
+        true => model.members().iter().map(Hybrid::of).collect(),
+        false => Vec::new(),
+    };
+    let of_members: Vec<Vec<FreeRun>> = members
+        .iter()
+        .map(|member| {
+            let driven = |run: &&Run| FreeRun::new(member, &run.t, &run.u, options.longest_step);
+            runs.iter().map(driven).collect()
+        })
+        .collect();
     // Sums of each window, put together in the order of the windows: the same bits for any number of threads.
     let mut guard = Guard::new(model);
-    let windows: Vec<Option<(Option<Vec<Sums>>, Vec<Tally>)>> = starts
+    let windows: Vec<Option<(Option<Vec<Sums>>, Vec<Tally>, Squares)>> = starts
         .par_iter()
         .map_init(Trajectory::default, |trajectory, &(run, first, count)| {
             let (free_run, initial) = prepared.get(run)?;
@@ -130,13 +146,17 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
             let sums = rolled
                 .ok()
                 .map(|()| window_sums(model, runs[run], first, states, &readings, &channels));
-            Some((sums, seen))
+            let free_runs = of_members.iter().filter_map(|runs| runs.get(run));
+            let squares = member_squares(free_runs, (first, count), initial, trajectory);
+            Some((sums, seen, squares))
         })
         .collect();
     let mut sums = Vec::with_capacity(windows.len());
+    let mut apart = Squares::default();
     for (window, &(run, ..)) in windows.into_iter().zip(&starts) {
-        let (window, seen) = window.unwrap_or_default();
+        let (window, seen, squares) = window.unwrap_or_default();
         sums.push(window);
+        apart.add(&squares);
         guard.add(&runs[run].id, &runs[run].t, seen);
     }
     let diverged = sums.iter().filter(|window| window.is_none()).count();
@@ -156,6 +176,7 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
         }
     }
     let coordinates = model.mechanics.coordinates();
+    let nv = model.mechanics.nv();
     let signal = |(channel, sums): (&Channel, &Sums)| {
         let coordinate = coordinates.get(channel.coordinate)?;
         let (mean, square) = (sums.sum / sums.count, sums.squares / sums.count);
@@ -173,6 +194,7 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
             mae: sums.absolute / sums.count,
             rmse: square.sqrt(),
             std: (square - mean * mean).max(0.0).sqrt(),
+            spread: apart.root_mean(channel.coordinate + usize::from(channel.velocity) * nv),
         })
     };
     let errors: Vec<SignalError> = channels.iter().zip(&total).filter_map(signal).collect();
@@ -190,6 +212,33 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
         warnings: runs.iter().filter_map(|run| gap_warning(run)).collect(),
         left_training: guard.departures(),
     })
+}
+
+/// The squares of how far the members of an ensemble are apart in a window; none where one of them diverges.
+fn member_squares<'a>(
+    free_runs: impl Iterator<Item = &'a FreeRun<'a>>,
+    span: (usize, usize),
+    initial: &[f64],
+    trajectory: &mut Trajectory,
+) -> Squares {
+    let mut rolled = Vec::new();
+    for free_run in free_runs {
+        let mut roller = free_run.roller();
+        if free_run
+            .roll(&mut roller, span, initial, trajectory)
+            .is_err()
+        {
+            return Squares::default();
+        }
+        let states = trajectory.states.chunks_exact(initial.len().max(1));
+        rolled.push(states.map(<[f64]>::to_vec).collect::<Vec<_>>());
+    }
+    let mut squares = Squares::default();
+    // The first state of a window is given.
+    for deviations in spread(&rolled).iter().skip(1) {
+        squares.take(deviations);
+    }
+    squares
 }
 
 /// Names the largest reading of a signal whose errors cannot be summed up.

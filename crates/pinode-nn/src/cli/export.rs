@@ -50,6 +50,8 @@ struct Exported {
     output: Tensor,
     /// Whether the forces stand for all of Q on their joints.
     alone: bool,
+    /// The part of its forces that counts: 1 over the number of members of its ensemble.
+    share: f64,
 }
 
 #[derive(Serialize)]
@@ -129,6 +131,7 @@ fn exported(model: &Model, entry: &NetworkEntry, path: &Path, single: bool) -> E
             columns: entry.gives(model),
         },
         alone: entry.force.is_alone(),
+        share: entry.share,
     }
 }
 
@@ -156,6 +159,13 @@ fn text(report: &Report) -> String {
             {
                 let _ = writeln!(out, "    {name} [{unit}], {meaning}");
             }
+        }
+        if network.share < 1.0 {
+            let _ = writeln!(
+                out,
+                "  a member of an ensemble of {:.0}: the force is their mean",
+                network.share.recip()
+            );
         }
         if network.alone {
             let _ = writeln!(out, "  these forces stand for all of Q on their joints");

@@ -3,6 +3,7 @@
 //! With `--json` there is one JSON document on stdout and nothing else; people's text goes to stderr. Exit codes: 0 done, 1 the
 //! work failed, 2 wrong usage, 130 interrupted: what a diagnosis had finished is kept, and the same command goes on from there.
 
+mod band;
 mod check;
 mod diagnose;
 mod dynamics;

@@ -119,6 +119,16 @@ impl LearntForce {
         outputs.map(|(output, y)| output.scale * y).collect()
     }
 
+    /// The same force times a factor.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        let mut scaled = self.clone();
+        for output in &mut scaled.outputs {
+            output.scale *= factor;
+        }
+        scaled
+    }
+
     /// Memory for one thread.
     pub(crate) fn room(&self) -> Room {
         let zeros = |n: usize| vec![[0.0; LANES]; n];

@@ -1,6 +1,6 @@
 //! When roll-outs leave what the networks of a model were trained on.
 //!
-//! Looked at where the samples of a log are, not within integration steps.
+//! Looked at where the samples of a log are, not within integration steps. Members of an ensemble are trained on the same: the first stands for all.
 
 use serde::Serialize;
 
@@ -82,6 +82,7 @@ struct First {
 /// ```
 pub struct Guard<'a> {
     model: &'a Model,
+    networks: Vec<&'a NetworkEntry>,
     starts: Vec<Start>,
     /// One a network.
     found: Vec<Found>,
@@ -97,10 +98,13 @@ struct Found {
 impl<'a> Guard<'a> {
     /// Of the networks of `model`.
     pub fn new(model: &'a Model) -> Self {
+        let tables = model.networks.chunk_by(|a, b| a.table == b.table);
+        let networks: Vec<&NetworkEntry> = tables.filter_map(|table| table.first()).collect();
         Guard {
             model,
             starts: starts(model.mechanics.coordinates()),
-            found: model.networks.iter().map(|_| Found::default()).collect(),
+            found: networks.iter().map(|_| Found::default()).collect(),
+            networks,
         }
     }
 
@@ -123,11 +127,11 @@ impl<'a> Guard<'a> {
         first: usize,
         states: impl Iterator<Item = &'s [f64]>,
     ) -> Vec<Tally> {
-        let mut tallies = vec![Tally::default(); self.model.networks.len()];
+        let mut tallies = vec![Tally::default(); self.networks.len()];
         let nq = self.model.mechanics.nq();
         let mut x = Vec::new();
         for (sample, state) in (first..).zip(states) {
-            for (network, tally) in self.model.networks.iter().zip(&mut tallies) {
+            for (network, tally) in self.networks.iter().zip(&mut tallies) {
                 let features = network.force.features().iter();
                 x.clear();
                 x.extend(
@@ -153,7 +157,7 @@ impl<'a> Guard<'a> {
 
     /// The networks that were outside, in the order of the model.
     pub fn departures(&self) -> Vec<Departure> {
-        let networks = self.model.networks.iter().zip(&self.found);
+        let networks = self.networks.iter().zip(&self.found);
         networks
             .filter_map(|(network, found)| departure(self.model, network, found))
             .collect()

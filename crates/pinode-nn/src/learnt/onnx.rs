@@ -11,6 +11,7 @@
 //! | `pinode.features` | JSON, one object a column of `features`: `name`, `unit`, `meaning`, and `range`: outside of it the force was never seen |
 //! | `pinode.forces` | JSON, one object a column of `forces`: `name` of the joint, `unit`, `meaning` |
 //! | `pinode.alone` | `true`: the forces stand for all of Q on their joints, also for what inputs do there; else they come to the rest of Q |
+//! | `pinode.share` | the part of the forces that counts: 1, or of a member of an ensemble, whose force is the mean, 1 over the number of members |
 //! | `pinode.model`, `pinode.weights`, `pinode.weights_sha256` | what it was made from |
 //!
 //! Operators are Sub, Div, Gemm, Relu, Tanh and Mul of opset 13, in IR version 8. Checked by `onnx.checker` and against onnxruntime: see
@@ -80,6 +81,7 @@ fn message(model: &Model, entry: &NetworkEntry, single: bool) -> Result<ModelPro
         ("pinode.features", json(&columns)),
         ("pinode.forces", json(&forces)),
         ("pinode.alone", force.is_alone().to_string()),
+        ("pinode.share", entry.share.to_string()),
         ("pinode.model", model.name.clone()),
         ("pinode.weights", entry.weights.clone()),
         ("pinode.weights_sha256", entry.sha256.clone()),
