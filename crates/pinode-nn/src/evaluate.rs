@@ -94,6 +94,17 @@ struct Sums {
     squares: f64,
 }
 
+/// A window that was rolled out.
+#[derive(Default)]
+struct Rolled {
+    /// One a channel; none where it diverged.
+    sums: Option<Vec<Sums>>,
+    /// One a network.
+    seen: Vec<Tally>,
+    /// How far the members of an ensemble are apart.
+    apart: Squares,
+}
+
 /// Runs `model` freely over windows of `logs`. A velocity that the model calls a backward difference is compared with the backward
 /// difference of the simulated positions.
 ///
@@ -134,7 +145,7 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
         .collect();
     // Sums of each window, put together in the order of the windows: the same bits for any number of threads.
     let mut guard = Guard::new(model);
-    let windows: Vec<Option<(Option<Vec<Sums>>, Vec<Tally>, Squares)>> = starts
+    let windows: Vec<Option<Rolled>> = starts
         .par_iter()
         .map_init(Trajectory::default, |trajectory, &(run, first, count)| {
             let (free_run, initial) = prepared.get(run)?;
@@ -143,21 +154,20 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
             let rolled = free_run.roll(&mut roller, (first, count), initial, trajectory);
             let states = (hybrid.nx(), trajectory.states.as_slice());
             let seen = guard.look(free_run.inputs(), first, states.1.chunks_exact(states.0));
-            let sums = rolled
-                .ok()
-                .map(|()| window_sums(model, runs[run], first, states, &readings, &channels));
+            let sums = |()| window_sums(model, runs[run], first, states, &readings, &channels);
+            let sums = rolled.ok().map(sums);
             let free_runs = of_members.iter().filter_map(|runs| runs.get(run));
-            let squares = member_squares(free_runs, (first, count), initial, trajectory);
-            Some((sums, seen, squares))
+            let apart = member_squares(free_runs, (first, count), initial, trajectory);
+            Some(Rolled { sums, seen, apart })
         })
         .collect();
     let mut sums = Vec::with_capacity(windows.len());
     let mut apart = Squares::default();
     for (window, &(run, ..)) in windows.into_iter().zip(&starts) {
-        let (window, seen, squares) = window.unwrap_or_default();
-        sums.push(window);
-        apart.add(&squares);
-        guard.add(&runs[run].id, &runs[run].t, seen);
+        let window = window.unwrap_or_default();
+        sums.push(window.sums);
+        apart.add(&window.apart);
+        guard.add(&runs[run].id, &runs[run].t, window.seen);
     }
     let diverged = sums.iter().filter(|window| window.is_none()).count();
     if diverged == starts.len() {

@@ -180,7 +180,7 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
     }
     let checkpoints = || (0..count).map(|k| out.join(numbered(CHECKPOINT, k, count)));
     let interruptible =
-        Interruptible::training(checkpoints().last().unwrap_or_default(), output.quiet);
+        Interruptible::training(checkpoints().next_back().unwrap_or_default(), output.quiet);
     let whole = interruptible.wait();
     let path = write_ensemble(&members, &model, out)?;
     // Finished: there is nothing to go on with.
