@@ -147,6 +147,32 @@ pub enum Error {
     /// What training is asked for makes no sense.
     #[error("{0}")]
     Training(String),
+    /// A model has no network, and the work asked for is on networks.
+    #[error("{} has no network to {work}: learn one by `pinode train`, and give the model that it writes", path.display())]
+    NoNetwork {
+        /// The model.
+        path: PathBuf,
+        /// What was to be done with it.
+        work: &'static str,
+    },
+    /// A band is asked for, and there is one network or none.
+    #[error("{} has no ensemble, and a band needs one: train it by `pinode train --members 5`, or leave out --band", path.display())]
+    NoEnsemble {
+        /// The model.
+        path: PathBuf,
+    },
+    /// A number that scales a network is beyond the range of 32 bits.
+    #[error(
+        "the {what} of {name} is {value:e}, which 32 bits do not hold: export it by `--precision f64`"
+    )]
+    NotSingle {
+        /// `offset`, `width` or `scale`.
+        what: &'static str,
+        /// Of what.
+        name: String,
+        /// The number.
+        value: f64,
+    },
     /// A checkpoint is of another training.
     #[error("{} is of another training: {what}; train without --resume, or in another folder", path.display())]
     Checkpoint {

@@ -6,11 +6,13 @@ use serde::Serialize;
 use crate::Error;
 use crate::entries::refuse_poses;
 use crate::free_run::{FreeRun, Initial, LONGEST_STEP, initial_states};
-use crate::hybrid::{Hybrid, Reading};
+use crate::hybrid::{DrivenInputs, Hybrid, Reading};
+use crate::learnt::{Departure, Guard, Tally};
 use crate::log::{Log, Run};
 use crate::model::{Model, Velocity};
 use crate::past::states_by_the_past;
 use crate::shooting::{Trajectory, wrap_angle};
+use crate::spread::{Squares, spread};
 
 /// More than so many typical sample intervals between two samples are a gap.
 const GAP: f64 = 10.0;
@@ -55,6 +57,8 @@ pub struct Evaluation {
     pub coordinates: Vec<SignalError>,
     /// What should be known of the logs: gaps that no window spans.
     pub warnings: Vec<String>,
+    /// The networks of the model that left what they were trained on in a window, diverged ones too.
+    pub left_training: Vec<Departure>,
 }
 
 /// The error of one signal.
@@ -70,6 +74,10 @@ pub struct SignalError {
     pub rmse: f64,
     /// Standard deviation of the error about its mean.
     pub std: f64,
+    /// How far the members of an ensemble are apart, see [`spread`](crate::spread): root mean square over the samples of the windows in which no member
+    /// diverged; none without an ensemble.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spread: Option<f64>,
 }
 
 /// A measured signal.
@@ -96,6 +104,17 @@ impl Sums {
     }
 }
 
+/// What is kept of a window.
+#[derive(Default)]
+struct Rolled {
+    /// One a channel; none where it diverged.
+    sums: Option<Vec<Sums>>,
+    /// One a network.
+    seen: Vec<Tally>,
+    /// How far the members of an ensemble are apart.
+    apart: Squares,
+}
+
 /// Runs `model` freely over windows of `logs`. A velocity that the model calls a backward difference is compared with the backward
 /// difference of the simulated positions.
 ///
@@ -112,13 +131,39 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
         });
     }
     let channels = channels(model, &runs);
-    let sums = over_windows(model, logs, options, &starts, |window| {
-        let mut sums = vec![Sums::default(); channels.len()];
-        for (channel, sums) in channels.iter().zip(&mut sums) {
-            window.errors(*channel, |error| sums.add(error));
-        }
-        sums
+    let members: Vec<Hybrid> = match model.has_ensemble() {
+        true => model.members().iter().map(Hybrid::of).collect(),
+        false => Vec::new(),
+    };
+    let of_members: Vec<Vec<FreeRun>> = members
+        .iter()
+        .map(|member| {
+            let driven = |run: &&Run| FreeRun::new(member, &run.t, &run.u, options.longest_step);
+            runs.iter().map(driven).collect()
+        })
+        .collect();
+    let mut guard = Guard::new(model);
+    let windows = over_windows(model, logs, options, &starts, |window| {
+        let sums = window.arrived.then(|| {
+            let mut sums = vec![Sums::default(); channels.len()];
+            for (channel, sums) in channels.iter().zip(&mut sums) {
+                window.errors(*channel, |error| sums.add(error));
+            }
+            sums
+        });
+        let states = window.states.chunks_exact(window.nx);
+        let seen = guard.look(window.inputs, window.first, states);
+        let free_runs = of_members.iter().filter_map(|runs| runs.get(window.index));
+        let apart = member_squares(free_runs, (window.first, window.count), window.initial);
+        Rolled { sums, seen, apart }
     });
+    let mut sums = Vec::with_capacity(windows.len());
+    let mut apart = Squares::default();
+    for (window, &(run, ..)) in windows.into_iter().zip(&starts) {
+        sums.push(window.sums);
+        apart.add(&window.apart);
+        guard.add(&runs[run].id, &runs[run].t, window.seen);
+    }
     let diverged = sums.iter().filter(|window| window.is_none()).count();
     if diverged == starts.len() {
         return Err(Error::Unfittable {
@@ -136,6 +181,7 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
         }
     }
     let coordinates = model.mechanics.coordinates();
+    let nv = model.mechanics.nv();
     let signal = |(channel, sums): (&Channel, &Sums)| {
         let coordinate = coordinates.get(channel.coordinate)?;
         let (mean, square) = (sums.sum / sums.count, sums.squares / sums.count);
@@ -153,6 +199,7 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
             mae: sums.absolute / sums.count,
             rmse: square.sqrt(),
             std: (square - mean * mean).max(0.0).sqrt(),
+            spread: apart.root_mean(channel.coordinate + usize::from(channel.velocity) * nv),
         })
     };
     let errors: Vec<SignalError> = channels.iter().zip(&total).filter_map(signal).collect();
@@ -168,7 +215,35 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
         diverged,
         coordinates: errors,
         warnings: runs.iter().filter_map(|run| gap_warning(run)).collect(),
+        left_training: guard.departures(),
     })
+}
+
+/// The squares of how far the members of an ensemble are apart in a window; none where one of them diverges.
+fn member_squares<'a>(
+    free_runs: impl Iterator<Item = &'a FreeRun<'a>>,
+    span: (usize, usize),
+    initial: &[f64],
+) -> Squares {
+    let mut rolled = Vec::new();
+    let mut trajectory = Trajectory::default();
+    for free_run in free_runs {
+        let mut roller = free_run.roller();
+        if free_run
+            .roll(&mut roller, span, initial, &mut trajectory)
+            .is_err()
+        {
+            return Squares::default();
+        }
+        let states = trajectory.states.chunks_exact(initial.len().max(1));
+        rolled.push(states.map(<[f64]>::to_vec).collect::<Vec<_>>());
+    }
+    let mut squares = Squares::default();
+    // The first state of a window is given.
+    for deviations in spread(&rolled).iter().skip(1) {
+        squares.take(deviations);
+    }
+    squares
 }
 
 /// Names the largest reading of a signal whose errors cannot be summed up.
@@ -273,14 +348,14 @@ pub(crate) fn starts(runs: &[&Run], options: &Options) -> Vec<(usize, usize, usi
         .collect()
 }
 
-/// Every window rolled out, and what `of` makes of it, in their order: the same for any number of threads. None where it diverges.
+/// Every window rolled out, and what `of` makes of it, in their order: the same for any number of threads.
 fn over_windows<T: Send>(
     model: &Model,
     logs: &[Log],
     options: &Options,
     starts: &[(usize, usize, usize)],
     of: impl Fn(&RolledWindow<'_>) -> T + Sync,
-) -> Vec<Option<T>> {
+) -> Vec<T> {
     let runs: Vec<&Run> = logs.iter().flat_map(|log| &log.runs).collect();
     let hybrid = Hybrid::of(model);
     let readings = hybrid.readings(&hybrid.theta(), &[]);
@@ -307,20 +382,23 @@ fn over_windows<T: Send>(
         .zip(&initial)
         .map_init(
             Trajectory::default,
-            |trajectory, (&(run, first, count), initial)| {
-                let free_run = free_runs.get(run)?;
+            |trajectory, (&(index, first, count), initial)| {
+                let free_run = &free_runs[index];
                 let mut roller = free_run.roller();
-                free_run
-                    .roll(&mut roller, (first, count), initial, trajectory)
-                    .ok()?;
-                Some(of(&RolledWindow {
+                let rolled = free_run.roll(&mut roller, (first, count), initial, trajectory);
+                of(&RolledWindow {
                     model,
-                    run: runs[run],
+                    index,
+                    run: runs[index],
+                    inputs: free_run.inputs(),
                     first,
+                    count,
+                    initial,
                     nx: hybrid.nx(),
+                    arrived: rolled.is_ok(),
                     states: &trajectory.states,
                     readings: &readings,
-                }))
+                })
             },
         )
         .collect()
@@ -329,10 +407,18 @@ fn over_windows<T: Send>(
 /// A window that has been rolled out.
 struct RolledWindow<'a> {
     model: &'a Model,
+    /// Its recording.
+    index: usize,
     run: &'a Run,
-    /// Its first sample.
+    inputs: &'a DrivenInputs,
+    /// Its first sample, and their number.
     first: usize,
-    /// `nx` numbers each.
+    count: usize,
+    /// Where it begins.
+    initial: &'a [f64],
+    /// Whether it has not diverged.
+    arrived: bool,
+    /// `nx` numbers each, as far as it got.
     nx: usize,
     states: &'a [f64],
     readings: &'a [Reading],
@@ -386,13 +472,15 @@ pub fn errors(model: &Model, logs: &[Log], options: &Options) -> Result<Vec<Vec<
     let of_window = over_windows(model, logs, options, &starts, |window| {
         let list = |channel: &Channel| {
             let mut list = Vec::new();
-            window.errors(*channel, |error| list.push(error));
+            if window.arrived {
+                window.errors(*channel, |error| list.push(error));
+            }
             list
         };
         channels.iter().map(list).collect::<Vec<_>>()
     });
     let mut all = vec![Vec::new(); channels.len()];
-    for window in of_window.into_iter().flatten() {
+    for window in of_window {
         for (all, own) in all.iter_mut().zip(window) {
             all.extend(own);
         }

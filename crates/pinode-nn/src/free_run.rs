@@ -161,6 +161,11 @@ impl<'a> FreeRun<'a> {
         }
     }
 
+    /// The inputs as they act.
+    pub(crate) fn inputs(&self) -> &DrivenInputs {
+        &self.inputs
+    }
+
     /// What rolls out on one thread.
     pub fn roller(&self) -> Roller<'a> {
         Roller::new(self.hybrid, &[])

@@ -43,6 +43,7 @@ pub mod network;
 pub mod report;
 pub mod shooting;
 pub mod smoothing;
+pub mod spread;
 pub mod train;
 
 mod disk;

@@ -71,6 +71,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     for warning in &evaluation.warnings {
         output.note(&format!("warning: {warning}"));
     }
+    output.departures(&evaluation.left_training);
     output.result(&evaluation, &text(&evaluation))
 }
 
@@ -85,16 +86,37 @@ fn text(evaluation: &Evaluation) -> String {
         .map(|c| c.name.chars().count())
         .fold(10, usize::max);
     // Writing to a String cannot fail.
+    let banded = evaluation.coordinates.iter().any(|c| c.spread.is_some());
+    let column = |text: String| match banded {
+        true => format!("  {text:>12}"),
+        false => String::new(),
+    };
     let _ = writeln!(
         out,
-        "{:width$}  {:>12}  {:>12}  {:>12}  unit",
-        "coordinate", "MAE", "RMSE", "std"
+        "{:width$}  {:>12}  {:>12}  {:>12}{}  unit",
+        "coordinate",
+        "MAE",
+        "RMSE",
+        "std",
+        column("spread".to_owned())
     );
     for c in &evaluation.coordinates {
+        let spread = c.spread.map_or("-".to_owned(), |x| format!("{x:.6}"));
         let _ = writeln!(
             out,
-            "{:width$}  {:>12.6}  {:>12.6}  {:>12.6}  {}",
-            c.name, c.mae, c.rmse, c.std, c.unit
+            "{:width$}  {:>12.6}  {:>12.6}  {:>12.6}{}  {}",
+            c.name,
+            c.mae,
+            c.rmse,
+            c.std,
+            column(spread),
+            c.unit
+        );
+    }
+    if banded {
+        let _ = writeln!(
+            out,
+            "\nspread: how far the members of the ensemble are apart, root mean square"
         );
     }
     out

@@ -3,11 +3,13 @@
 //! With `--json` there is one JSON document on stdout and nothing else; people's text goes to stderr. Exit codes: 0 done, 1 the
 //! work failed, 2 wrong usage, 130 interrupted: what a diagnosis had finished is kept, and the same command goes on from there.
 
+mod band;
 mod check;
 mod diagnose;
 mod dynamics;
 mod equations;
 mod evaluate;
+mod export;
 mod interrupt;
 mod output;
 mod progress;
@@ -67,6 +69,8 @@ enum Command {
     Evaluate(evaluate::Arguments),
     /// Learn a part of Q that no effect explains: a network, trained through the integrator
     Train(Box<train::Arguments>),
+    /// Write what was learnt as ONNX files, for other programs
+    Export(export::Arguments),
     /// Name the physics that the model is missing, add it, and show the gap shrink on data that no fit has seen
     Diagnose(diagnose::Arguments),
 }
@@ -114,6 +118,7 @@ fn execute(command: Command, seed: u64, output: &Output) -> Result<(), Error> {
         Command::Simulate(arguments) => simulate::run(&arguments, output),
         Command::Evaluate(arguments) => evaluate::run(&arguments, output),
         Command::Train(arguments) => train::run(&arguments, seed, output),
+        Command::Export(arguments) => export::run(&arguments, output),
         Command::Diagnose(arguments) => diagnose::run(&arguments, seed, output),
     }
 }

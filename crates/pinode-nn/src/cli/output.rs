@@ -8,8 +8,10 @@ use lagrange::Problems;
 use serde::Serialize;
 
 use crate::Error;
+use crate::learnt::{Departure, Saw};
 use crate::log::Log;
 use crate::model::Model;
+use crate::report::words::{percent, short, with_unit};
 
 /// The streams of a program.
 #[derive(Debug, Clone, Copy)]
@@ -68,6 +70,13 @@ impl Output {
         }
     }
 
+    /// Warns of networks that left what they were trained on.
+    pub fn departures(&self, departures: &[Departure]) {
+        for departure in departures {
+            self.note(&format!("warning: {}", left_training(departure)));
+        }
+    }
+
     /// An error on stderr.
     pub fn error(&self, error: &Error) {
         match error {
@@ -121,6 +130,43 @@ impl Output {
         }
         Ok(log)
     }
+}
+
+/// Where and how far a network left what it was trained on.
+fn left_training(departure: &Departure) -> String {
+    let joints: Vec<String> = departure
+        .joints
+        .iter()
+        .map(|joint| format!("`{joint}`"))
+        .collect();
+    let value = |saw: &Saw| {
+        let value = with_unit(short(saw.value), &saw.unit);
+        format!("{} = {value}", saw.name)
+    };
+    let what = match (departure.distance, departure.saw.first()) {
+        (None, Some(saw)) => {
+            let [low, high] = saw.trained.map(short);
+            let range = with_unit(format!("{low} … {high}"), &saw.unit);
+            format!("{}, trained within {range}", value(saw))
+        }
+        (distance, _) => {
+            let all: Vec<String> = departure.saw.iter().map(value).collect();
+            format!(
+                "{}, each within its range, but together unlike the training: {} of a range from the nearest of its states that are kept, \
+                 where all of them were within {}",
+                all.join(", "),
+                percent(distance.unwrap_or(f64::NAN)),
+                percent(departure.reach.unwrap_or(f64::NAN)),
+            )
+        }
+    };
+    format!(
+        "the network on {} left what it was trained on at t = {} s of run `{}`: {what}; {} of the samples are outside",
+        joints.join(" and "),
+        short(departure.t),
+        departure.run,
+        percent(departure.samples_outside as f64 / departure.samples.max(1) as f64)
+    )
 }
 
 /// Whoever closed the pipe has read enough: no error.

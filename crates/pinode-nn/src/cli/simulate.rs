@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use lagrange::{Problem, Problems, state};
 use serde_json::json;
 
+use super::band::Band;
 use super::output::Output;
 use super::stepping::{Effort, Stepping};
 use crate::Error;
@@ -17,6 +18,7 @@ use crate::disk::write_atomically;
 use crate::entries::{q_names, starts, v_names};
 use crate::free_run::{Initial, LONGEST_STEP, initial_states};
 use crate::hybrid::Hybrid;
+use crate::learnt::Guard;
 use crate::log::Run;
 use crate::model::Model;
 
@@ -62,6 +64,9 @@ pub(super) struct Arguments {
     /// The trajectory, in the format of a log: positions as the sensors would read them without noise, velocities of the model
     #[arg(long, value_name = "TRAJ.csv")]
     out: PathBuf,
+    /// Write the standard deviations of q and v over the members of an ensemble, each rolled out from the same state
+    #[arg(long, value_name = "BAND.csv")]
+    band: Option<PathBuf>,
 }
 
 /// A positive, finite number.
@@ -75,15 +80,18 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 
 pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     let model = output.load_model(&arguments.model)?;
+    let outputs = || std::iter::once(&arguments.out).chain(&arguments.band);
     for input in std::iter::once(&arguments.model).chain(&arguments.log) {
-        if let (Ok(input), Ok(out)) = (input.canonicalize(), arguments.out.canonicalize())
-            && input == out
-        {
-            return Err(Error::OverwritesInput {
-                path: arguments.out.clone(),
-            });
+        for out in outputs() {
+            if let (Ok(input), Ok(same)) = (input.canonicalize(), out.canonicalize())
+                && input == same
+            {
+                return Err(Error::OverwritesInput { path: out.clone() });
+            }
         }
     }
+    let with_run = arguments.log.is_some();
+    let mut band = Band::of(&model, arguments.band.as_ref(), with_run)?;
     let step = longest_step(arguments)?;
     let tolerance = arguments.tolerance.unwrap_or(TOLERANCE);
     let given = match &arguments.initial {
@@ -96,6 +104,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     };
     let mut text = header(&model, arguments.log.is_some()).into_bytes();
     let (mut samples, mut effort) = (0, Effort::default());
+    let mut guard = Guard::new(&model);
     for mut run in runs {
         if let Some(duration) = arguments.duration {
             shorten(&mut run, duration);
@@ -117,12 +126,20 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
             .method
             .simulate(&model, &run, &initial, fineness, &mut effort)?;
         samples += states.len();
+        guard.watch(&run.id, &run.t, &run.u, &states);
+        if let Some(band) = &mut band {
+            let run = (&run, with_run);
+            band.roll(arguments.method, run, &initial, fineness, output);
+        }
         let id = arguments.log.is_some().then_some(run.id.as_str());
         write_rows(&mut text, &model, &run, id, &states)?;
     }
     write_atomically(&arguments.out, &text)?;
+    band.as_ref().map_or(Ok(()), Band::write)?;
     let path = arguments.out.display().to_string();
-    let mut document = json!({ "out": path, "samples": samples });
+    let left_training = guard.departures();
+    output.departures(&left_training);
+    let mut document = json!({ "out": path, "samples": samples, "left_training": left_training });
     let mut text = format!("{samples} samples written to {path}\n");
     match arguments.method {
         Stepping::Fixed(_) => document["longest_step_s"] = json!(step),
@@ -131,6 +148,10 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
             document["effort"] = effort.document();
             text += &effort.words();
         }
+    }
+    if let Some(band) = &band {
+        document["band"] = band.document();
+        text += &band.words();
     }
     output.result(&document, &text)
 }

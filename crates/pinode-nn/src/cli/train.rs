@@ -17,7 +17,9 @@ use crate::log::Log;
 use crate::model::Model;
 use crate::naming::{hint, quoted};
 use crate::network::Activation;
-use crate::train::{Checkpoint, Epoch, Options, Trained, Training, WEIGHTS, train};
+use crate::train::{
+    Checkpoint, Epoch, Options, Trained, Training, train, weights_name, write_ensemble,
+};
 
 /// What was done so far, in the folder of a training.
 const CHECKPOINT: &str = "checkpoint.safetensors";
@@ -45,6 +47,9 @@ pub(super) struct Arguments {
     /// Go on from the checkpoint in the folder, to the same bits as without the interruption
     #[arg(long)]
     resume: bool,
+    /// Networks to train, from so many seeds from --seed on: their mean is the force, and how far they are apart says how far it is known
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=100))]
+    members: u16,
     /// As in the paper: one step from the measured state, the network alone on its joints, Adam with 1e-3; other options still count
     #[arg(long)]
     paper: bool,
@@ -103,7 +108,7 @@ enum Precision {
     F64,
 }
 
-/// What `--json` prints.
+/// What `--json` prints: of the first network, and of all in `members` where there are several.
 #[derive(Serialize)]
 struct Report<'a> {
     model: String,
@@ -117,6 +122,19 @@ struct Report<'a> {
     held_out: Option<f64>,
     held_out_without_network: Option<f64>,
     network: &'a crate::learnt::Card,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    members: Vec<Member>,
+}
+
+/// One network of an ensemble.
+#[derive(Serialize)]
+struct Member {
+    weights: String,
+    metrics: String,
+    epochs: usize,
+    best_epoch: usize,
+    loss: Option<f64>,
+    held_out: Option<f64>,
 }
 
 pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(), Error> {
@@ -130,28 +148,72 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
     let out = arguments.out.as_path();
     refuse_overwriting(&model, out)?;
     std::fs::create_dir_all(out).map_err(|e| Error::io(out, e))?;
-    let checkpoint = Checkpoint {
-        path: out.join(CHECKPOINT),
-        resume: arguments.resume,
-    };
-    let interruptible = Interruptible::training(checkpoint.path.clone(), output.quiet);
     let training = Training {
         model: &model,
         logs: &logs,
         held_out: &held_out,
     };
-    let mut watch = Watch::new(output, &options, out.join(METRICS));
-    let trained = train(&training, &options, Some(&checkpoint), &mut |epoch| {
-        watch.epoch(epoch)
-    })?;
-    drop(watch);
+    let count = usize::from(arguments.members);
+    let metrics: Vec<PathBuf> = (0..count)
+        .map(|k| out.join(numbered(METRICS, k, count)))
+        .collect();
+    let mut members = Vec::new();
+    for (k, metrics) in metrics.iter().enumerate() {
+        let options = Options {
+            seed: seed.wrapping_add(k as u64),
+            ..options.clone()
+        };
+        if count > 1 {
+            output.note(&format!("member {} of {count}", k + 1));
+        }
+        let checkpoint = Checkpoint {
+            path: out.join(numbered(CHECKPOINT, k, count)),
+            resume: arguments.resume,
+        };
+        members.push(train_one(
+            &training,
+            &options,
+            &checkpoint,
+            metrics,
+            output,
+        )?);
+    }
+    let checkpoints = || (0..count).map(|k| out.join(numbered(CHECKPOINT, k, count)));
+    let interruptible =
+        Interruptible::training(checkpoints().next_back().unwrap_or_default(), output.quiet);
     let whole = interruptible.wait();
-    let path = trained.write(&model, out)?;
+    let path = write_ensemble(&members, &model, out)?;
     // Finished: there is nothing to go on with.
-    let _ = std::fs::remove_file(&checkpoint.path);
+    checkpoints().for_each(|checkpoint| drop(std::fs::remove_file(checkpoint)));
     drop(whole);
-    let report = report(&trained, &path, out);
-    output.result(&report, &text(&report, &trained))
+    let Some(first) = members.first() else {
+        return Ok(()); // at least one is trained
+    };
+    let report = report(&members, first, &path, out, &metrics);
+    output.result(&report, &text(&report))
+}
+
+/// Trains one network. Its checkpoint stays until all members of an ensemble are there.
+fn train_one(
+    training: &Training<'_>,
+    options: &Options,
+    checkpoint: &Checkpoint,
+    metrics: &Path,
+    output: &Output,
+) -> Result<Trained, Error> {
+    let _interruptible = Interruptible::training(checkpoint.path.clone(), output.quiet);
+    let mut watch = Watch::new(output, options, metrics.to_owned());
+    train(training, options, Some(checkpoint), &mut |epoch| {
+        watch.epoch(epoch)
+    })
+}
+
+/// `metrics.jsonl`; of member k of an ensemble `metrics-2.jsonl`.
+fn numbered(name: &str, k: usize, count: usize) -> String {
+    match name.split_once('.') {
+        Some((stem, ending)) if count > 1 => format!("{stem}-{}.{ending}", k + 1),
+        _ => name.to_owned(),
+    }
 }
 
 fn options(arguments: &Arguments, seed: u64, model: &Model) -> Result<Options, Error> {
@@ -286,36 +348,59 @@ impl Drop for Watch<'_> {
     }
 }
 
-fn report<'a>(trained: &'a Trained, model: &Path, out: &Path) -> Report<'a> {
-    let best = trained
-        .history
+fn report<'a>(
+    members: &'a [Trained],
+    first: &'a Trained,
+    model: &Path,
+    out: &Path,
+    metrics: &[PathBuf],
+) -> Report<'a> {
+    let count = members.len();
+    let best = |trained: &Trained| -> (Option<f64>, Option<f64>) {
+        let mut epochs = trained.history.iter();
+        let best = epochs.find(|epoch| epoch.epoch == trained.best_epoch);
+        (
+            best.map(|epoch| epoch.loss),
+            best.map(|epoch| epoch.held_out),
+        )
+    };
+    let file = |k: usize| out.join(weights_name(k, count)).display().to_string();
+    let all: Vec<Member> = members
         .iter()
-        .find(|epoch| epoch.epoch == trained.best_epoch);
+        .zip(metrics)
+        .enumerate()
+        .map(|(k, (trained, metrics))| Member {
+            weights: file(k),
+            metrics: metrics.display().to_string(),
+            epochs: trained.history.len(),
+            best_epoch: trained.best_epoch,
+            loss: best(trained).0,
+            held_out: best(trained).1,
+        })
+        .collect();
+    let windows = first.card.training.get("windows");
     Report {
         model: model.display().to_string(),
-        weights: out.join(WEIGHTS).display().to_string(),
-        metrics: out.join(METRICS).display().to_string(),
-        parameters: trained.force.network().parameters().len(),
-        windows: trained
-            .card
-            .training
-            .get("windows")
-            .and_then(|n| n.as_u64()),
-        epochs: trained.history.len(),
-        best_epoch: trained.best_epoch,
-        loss: best.map(|epoch| epoch.loss),
-        held_out: best.map(|epoch| epoch.held_out),
-        held_out_without_network: trained.without_network,
-        network: &trained.card,
+        weights: file(0),
+        metrics: out.join(numbered(METRICS, 0, count)).display().to_string(),
+        parameters: first.force.network().parameters().len(),
+        windows: windows.and_then(|n| n.as_u64()),
+        epochs: first.history.len(),
+        best_epoch: first.best_epoch,
+        loss: best(first).0,
+        held_out: best(first).1,
+        held_out_without_network: first.without_network,
+        network: &first.card,
+        members: if count > 1 { all } else { Vec::new() },
     }
 }
 
-fn text(report: &Report<'_>, trained: &Trained) -> String {
+fn text(report: &Report<'_>) -> String {
     let number = |x: Option<f64>| x.map_or("-".to_owned(), |x| format!("{x:.4}"));
     let without = report.held_out_without_network;
     let before = without.map_or(String::new(), |x| format!(" (without the network {x:.4})"));
-    let unit = match trained
-        .card
+    let unit = match report
+        .network
         .training
         .get("loss_in")
         .and_then(|v| v.as_str())
@@ -323,15 +408,30 @@ fn text(report: &Report<'_>, trained: &Trained) -> String {
         Some(unit) => format!(", in {unit}"),
         None => String::new(),
     };
-    format!(
-        "a network of {} parameters, epoch {} of {}: loss {}, held out {}{before}{unit}\nwritten:\n  {}\n  {}\n  {}\n",
+    let mut out = format!(
+        "a network of {} parameters, epoch {} of {}: loss {}, held out {}{before}{unit}\n",
         report.parameters,
         report.best_epoch,
         report.epochs,
         number(report.loss),
         number(report.held_out),
-        report.model,
-        report.weights,
-        report.metrics,
-    )
+    );
+    for (k, member) in report.members.iter().enumerate().skip(1) {
+        out += &format!(
+            "member {}: epoch {} of {}: loss {}, held out {}\n",
+            k + 1,
+            member.best_epoch,
+            member.epochs,
+            number(member.loss),
+            number(member.held_out),
+        );
+    }
+    out += &format!("written:\n  {}\n", report.model);
+    if report.members.is_empty() {
+        out += &format!("  {}\n  {}\n", report.weights, report.metrics);
+    }
+    for member in &report.members {
+        out += &format!("  {}\n  {}\n", member.weights, member.metrics);
+    }
+    out
 }

@@ -210,7 +210,7 @@ impl Hybrid {
             hybrid.add(placed, &entry.values, entry.fixed);
         }
         for entry in &model.networks {
-            hybrid.add_network(entry.force.clone());
+            hybrid.add_network(entry.shared());
         }
         hybrid
     }

@@ -6,7 +6,7 @@ use lagrange::{Coordinate, LANES, Lanes, Scalar};
 use pulp::{Simd, WithSimd};
 
 use crate::entries::Start;
-use crate::hybrid::{Eight, Lane};
+use crate::hybrid::{DrivenInputs, Eight, Lane};
 use crate::network::Processor;
 
 /// A quantity that a network may see.
@@ -80,6 +80,41 @@ impl Quantity {
             ("q", name) => joint(name).map(Quantity::Position),
             ("v", name) => joint(name).map(Quantity::Velocity),
             _ => None,
+        }
+    }
+}
+
+impl Quantity {
+    /// Its value in the state x = (q, v) at a sample of a recording.
+    pub(crate) fn value(
+        self,
+        x: &[f64],
+        sample: usize,
+        starts: &[Start],
+        nq: usize,
+        inputs: &DrivenInputs,
+    ) -> f64 {
+        let entry =
+            |index: Option<usize>| index.and_then(|i| x.get(i)).copied().unwrap_or(f64::NAN);
+        let position = |c: usize| entry(starts.get(c).map(|start| start.q));
+        match self {
+            Quantity::Position(c) => position(c),
+            Quantity::Cosine(c) => position(c).cos(),
+            Quantity::Sine(c) => position(c).sin(),
+            Quantity::Velocity(c) => entry(starts.get(c).map(|start| nq + start.v)),
+            Quantity::Input { input, back } => {
+                // The last sample has no step of its own: what acted before it counts.
+                let values = inputs
+                    .forces
+                    .get(input)
+                    .map_or(&[][..], |force| &force.value);
+                let step = sample.saturating_sub(back) * inputs.grid.substeps;
+                values
+                    .get(step)
+                    .or(values.last())
+                    .copied()
+                    .unwrap_or(f64::NAN)
+            }
         }
     }
 }

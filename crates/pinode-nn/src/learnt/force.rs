@@ -9,7 +9,7 @@ use std::fmt;
 use lagrange::LANES;
 
 use super::feature::{chain, see};
-use super::{Feature, Seen, Sight};
+use super::{Feature, Region, Seen, Sight};
 use crate::hybrid::Lane;
 use crate::network::{Mlp, Single, Tape};
 
@@ -26,10 +26,12 @@ pub struct Output {
 #[derive(Clone, PartialEq)]
 pub struct LearntForce {
     network: Mlp<f64>,
-    features: Vec<Feature>,
+    pub(super) features: Vec<Feature>,
     outputs: Vec<Output>,
     /// Whether the inputs act on the network's joints through the network alone.
     alone: bool,
+    /// What it was trained on.
+    pub(super) region: Option<Region>,
 }
 
 /// A network does not fit what it sees or acts on.
@@ -81,6 +83,7 @@ impl LearntForce {
             features,
             outputs,
             alone,
+            region: None,
         })
     }
 
@@ -102,6 +105,28 @@ impl LearntForce {
     /// Whether it stands for all of Q on its joints, the inputs' forces included.
     pub fn is_alone(&self) -> bool {
         self.alone
+    }
+
+    /// The forces where the quantities of [`features`](Self::features) have these values, by plain loops: for tests and single questions. A missing
+    /// value counts as the feature's offset.
+    pub fn at(&self, x: &[f64]) -> Vec<f64> {
+        let features = self.features.iter().enumerate();
+        let z: Vec<f64> = features
+            .map(|(k, f)| x.get(k).map_or(0.0, |x| (x - f.offset) / f.width))
+            .collect();
+        let y = self.network.evaluate(&z);
+        let outputs = self.outputs.iter().zip(y);
+        outputs.map(|(output, y)| output.scale * y).collect()
+    }
+
+    /// The same force times a factor.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        let mut scaled = self.clone();
+        for output in &mut scaled.outputs {
+            output.scale *= factor;
+        }
+        scaled
     }
 
     /// Memory for one thread.

@@ -1,11 +1,19 @@
 //! Learnt forces: networks as a part of Q, what they see of a state, and their files.
 
+mod described;
 mod feature;
 mod force;
+mod guard;
+pub mod onnx;
+mod region;
 pub mod weights;
 
+pub use described::Described;
 pub use feature::{Feature, MOST_BACK, Quantity};
 pub(crate) use feature::{Seen, Sight, SinCos, chain, see};
 pub(crate) use force::Room;
 pub use force::{LearntForce, Misfit, Output};
-pub use weights::{Card, Names};
+pub(crate) use guard::Tally;
+pub use guard::{Departure, Guard, Saw};
+pub use region::{MARGIN, Outside, Region};
+pub use weights::{Card, Names, Stored};

@@ -1,6 +1,8 @@
 //! The weights of a learnt force in a file: safetensors, with a card that says what the network sees, what it acts on and how it was trained.
 //!
-//! Tensors `layers.0.weight` (outputs × inputs), `layers.0.bias` and so on; the card is the JSON text under `pinode` in the file's metadata.
+//! Tensors `layers.0.weight` (outputs × inputs), `layers.0.bias` and so on; the card is the JSON text under `pinode` in the file's metadata. Where the
+//! card has a `reach`, the tensor `region` (points × inputs) has the states that cover the training data, as shares of the features' ranges:
+//! see [`super::Region`]. Files without them have ranges alone.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -11,7 +13,7 @@ use lagrange::{Coordinate, Problem, Problems};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
-use super::{Feature, LearntForce, Output, Quantity};
+use super::{Feature, LearntForce, Output, Quantity, Region};
 use crate::Error;
 use crate::disk::write_atomically;
 use crate::naming::{hint, quoted};
@@ -21,6 +23,8 @@ use crate::network::{Activation, Mlp, Shape};
 const LARGEST: u64 = 256 << 20;
 /// Where the card is in the metadata.
 const KEY: &str = "pinode";
+/// The tensor with the states that cover the training data.
+const REGION: &str = "region";
 /// The version of the card that this program writes, and reads.
 const FORMAT: u32 = 1;
 
@@ -40,6 +44,9 @@ pub struct Card {
     pub joints: Vec<JointCard>,
     /// Whether it stands for all of Q on these joints, the inputs' forces included.
     pub alone: bool,
+    /// No state of the training data is farther than this from a point of the tensor `region`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reach: Option<f64>,
     /// How it was trained; any text that programs need not understand.
     #[serde(default, skip_serializing_if = "serde_json::Map::is_empty")]
     pub training: serde_json::Map<String, serde_json::Value>,
@@ -103,9 +110,23 @@ impl Card {
             features: features.collect(),
             joints: joints.collect(),
             alone: force.is_alone(),
+            reach: force.region().map(Region::reach),
             training: serde_json::Map::new(),
         }
     }
+}
+
+/// What a file of weights holds.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stored {
+    /// The force.
+    pub force: LearntForce,
+    /// What the file says of itself.
+    pub card: Card,
+    /// SHA-256 of the file, hexadecimal.
+    pub sha256: String,
+    /// Whether all its numbers have 32 bits.
+    pub single: bool,
 }
 
 /// Writes the weights of `force` to `path`, whole or not at all, with `card`; as 32 bits a number with `single`.
@@ -154,8 +175,19 @@ pub fn to_bytes(
             bytes_of(biases),
         ));
     }
+    let mut kinds = vec![kind; tensors.len()];
+    if let Some(region) = force.region() {
+        let inputs = force.features().len();
+        let numbers = region.points().iter();
+        tensors.push((
+            REGION.to_owned(),
+            vec![region.points().len() / inputs.max(1), inputs],
+            numbers.flat_map(|x| x.to_le_bytes()).collect(),
+        ));
+        kinds.push(Dtype::F32);
+    }
     let mut views = Vec::new();
-    for (name, shape, bytes) in &tensors {
+    for ((name, shape, bytes), kind) in tensors.iter().zip(kinds) {
         let view = TensorView::new(kind, shape.clone(), bytes).map_err(|e| io(e.into()))?;
         views.push((name, view));
     }
@@ -164,11 +196,11 @@ pub fn to_bytes(
     safetensors::serialize(views, Some(metadata)).map_err(|e| io(e.into()))
 }
 
-/// Reads a learnt force and its card from `path`, with the SHA-256 of the file.
+/// Reads a learnt force and its card from `path`.
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::Problems`] with every fault of the file.
-pub fn read(path: &Path, names: Names<'_>) -> Result<(LearntForce, Card, String), Error> {
+pub fn read(path: &Path, names: Names<'_>) -> Result<Stored, Error> {
     let mut bytes = Vec::new();
     File::open(path)
         .and_then(|file| file.take(LARGEST + 1).read_to_end(&mut bytes))
@@ -179,16 +211,15 @@ pub fn read(path: &Path, names: Names<'_>) -> Result<(LearntForce, Card, String)
         ]),
         false => parse(&bytes, names),
     };
-    let (force, card) = parsed.map_err(|faults| {
+    parsed.map_err(|faults| {
         Error::Problems(Problems {
             source: path.display().to_string(),
             list: faults.into_iter().map(Problem::general).collect(),
         })
-    })?;
-    Ok((force, card, crate::disk::sha256(&bytes)))
+    })
 }
 
-fn parse(bytes: &[u8], names: Names<'_>) -> Result<(LearntForce, Card), Vec<String>> {
+fn parse(bytes: &[u8], names: Names<'_>) -> Result<Stored, Vec<String>> {
     let only = |fault: String| vec![fault];
     let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| {
         only(format!(
@@ -233,15 +264,25 @@ fn parse(bytes: &[u8], names: Names<'_>) -> Result<(LearntForce, Card), Vec<Stri
         activation("output", &card.output),
     );
     let layers = read_layers(&tensors, &mut faults);
+    let region = read_region(&tensors, card.reach, features.len(), &mut faults);
     let (Some(hidden), Some(output), true) = (hidden, output, faults.is_empty()) else {
         return Err(faults);
     };
     let (sizes, parameters) = layers;
     let shape = Shape::new(&sizes, hidden, output).map_err(|e| only(e.to_string()))?;
     let network = Mlp::from_parameters(shape, parameters).map_err(|e| only(e.to_string()))?;
-    let force = LearntForce::new(network, features, outputs, card.alone)
+    let mut force = LearntForce::new(network, features, outputs, card.alone)
         .map_err(|e| only(e.to_string()))?;
-    Ok((force, card))
+    force.region = region;
+    Ok(Stored {
+        force,
+        card,
+        sha256: crate::disk::sha256(bytes),
+        single: tensors
+            .tensors()
+            .iter()
+            .all(|(_, tensor)| tensor.dtype() == Dtype::F32),
+    })
 }
 
 fn read_features(card: &Card, names: Names<'_>, faults: &mut Vec<String>) -> Vec<Feature> {
@@ -308,14 +349,57 @@ fn read_joints(card: &Card, names: Names<'_>, faults: &mut Vec<String>) -> Vec<O
     outputs
 }
 
+/// The states that cover the training data, where the file has them.
+fn read_region(
+    tensors: &SafeTensors<'_>,
+    reach: Option<f64>,
+    features: usize,
+    faults: &mut Vec<String>,
+) -> Option<Region> {
+    let tensor = tensors.tensor(REGION).ok();
+    let (tensor, reach) = match (tensor, reach) {
+        (None, None) => return None,
+        (Some(tensor), Some(reach)) => (tensor, reach),
+        (found, _) => {
+            let (has, lacks) = match found {
+                Some(_) => ("the tensor `region`", "`reach` in its card"),
+                None => ("`reach` in its card", "the tensor `region`"),
+            };
+            faults.push(format!(
+                "the file has {has} and lacks {lacks}: both or neither are needed"
+            ));
+            return None;
+        }
+    };
+    let fits = matches!(tensor.shape(), [points, inputs] if *points > 0 && *inputs == features);
+    if !fits || tensor.dtype() != Dtype::F32 {
+        faults.push(format!(
+            "the tensor `region` holds {:?} of the shape {:?}: F32 of points × {features} features are needed",
+            tensor.dtype(),
+            tensor.shape()
+        ));
+        return None;
+    }
+    let (whole, _) = tensor.data().as_chunks::<4>();
+    let points = whole.iter().map(|b| f32::from_le_bytes(*b)).collect();
+    let region = Region::of(points, features, reach);
+    if region.is_none() {
+        faults.push(format!(
+            "`reach` is {reach}, with the points of the tensor `region`: all must be finite, and it positive"
+        ));
+    }
+    region
+}
+
 /// The sizes of the layers and their parameters, in the order of [`Mlp::parameters`].
 fn read_layers(tensors: &SafeTensors<'_>, faults: &mut Vec<String>) -> (Vec<usize>, Vec<f64>) {
     let (mut sizes, mut parameters) = (Vec::new(), Vec::new());
-    let count = tensors.len() / 2;
-    if tensors.is_empty() || !tensors.len().is_multiple_of(2) {
+    let names = tensors.names();
+    let of_layers = names.iter().filter(|name| **name != REGION).count();
+    let count = of_layers / 2;
+    if of_layers == 0 || !of_layers.is_multiple_of(2) {
         faults.push(format!(
-            "there are {} tensors: a weight and a bias a layer are needed",
-            tensors.len()
+            "there are {of_layers} tensors of layers: a weight and a bias a layer are needed"
         ));
         return (sizes, parameters);
     }

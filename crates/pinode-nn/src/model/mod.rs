@@ -61,7 +61,7 @@
 //! of the kind `end_stop` with `stiffness` and `damping`, and `lower`, `upper` or both; a side that is left out is open.
 //!
 //! A learnt force is an `[[effect]]` of the kind `neural_network` with `weights`, a file that `pinode train` writes, and the `joints` that it
-//! was trained for.
+//! was trained for. A list of files is an ensemble: the force is the mean of its members.
 //!
 //! An `added_mass` sits on a link of a URDF, `link = "pole"`, and is a point mass at the centre of mass of all that is welded to it.
 //!

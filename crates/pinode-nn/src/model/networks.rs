@@ -6,33 +6,97 @@
 //! weights = "friction.safetensors"   # relative to the model file
 //! joints  = ["slider"]               # what it acts on: those that the weights were trained for
 //! ```
+//!
+//! With a list of files, `weights = ["network-1.safetensors", "network-2.safetensors"]`, the table is an ensemble: networks that were trained for the
+//! same from different beginnings. The force is their mean, and how far the roll-outs of [`Model::members`] are apart says how far it is known.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::Input;
-use super::document::{Faults, Section};
+use super::document::{Faults, Placed, Section};
 use super::mechanism::Mechanism;
+use super::{Input, Model};
 use crate::Error;
-use crate::learnt::{Card, LearntForce, Names, weights};
+use crate::learnt::{Card, Described, LearntForce, Names, Stored, weights};
 use crate::naming::quoted;
 
 /// The kind of these tables.
 pub(super) const KIND: &str = "neural_network";
 
-/// A learnt force of a model.
+/// A learnt force of a model, or one member of an ensemble.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NetworkEntry {
+    /// Which of the networks' tables it is of; the members of an ensemble share one and follow each other.
+    pub table: usize,
+    /// The part of its force that counts: 1 over the number of the members.
+    pub share: f64,
     /// The file of weights, as the model names it.
     pub weights: String,
     /// Where it was read.
     pub path: PathBuf,
     /// SHA-256 of that file, hexadecimal.
     pub sha256: String,
+    /// Whether its numbers have 32 bits.
+    pub single: bool,
     /// The force.
     pub force: Arc<LearntForce>,
     /// What the file says of itself.
     pub card: Card,
+}
+
+impl NetworkEntry {
+    /// What it adds to Q of the model: its share of its force.
+    pub(crate) fn shared(&self) -> Arc<LearntForce> {
+        match self.share == 1.0 {
+            true => self.force.clone(),
+            false => Arc::new(self.force.scaled(self.share)),
+        }
+    }
+
+    /// What the network sees, one an input; `model` is the one that it is in.
+    pub fn sees(&self, model: &Model) -> Vec<Described> {
+        let features = self.force.features().iter();
+        features
+            .map(|feature| Described::seen(feature.quantity, model))
+            .collect()
+    }
+
+    /// What it adds to Q, one an output.
+    pub fn gives(&self, model: &Model) -> Vec<Described> {
+        let outputs = self.force.outputs().iter();
+        outputs
+            .map(|output| Described::given(output, model))
+            .collect()
+    }
+}
+
+impl Model {
+    /// The models whose mean this one is: each with one member of every ensemble; itself alone where it has no ensemble. A network that is none is in all
+    /// of them, and an ensemble with fewer members than another begins again.
+    pub fn members(&self) -> Vec<Model> {
+        let tables: Vec<&[NetworkEntry]> =
+            self.networks.chunk_by(|a, b| a.table == b.table).collect();
+        let count = tables.iter().map(|table| table.len()).max().unwrap_or(1);
+        let member = |k: usize| {
+            let of = |table: &&[NetworkEntry]| {
+                let entry = table.get(k % table.len().max(1))?;
+                Some(NetworkEntry {
+                    share: 1.0,
+                    ..entry.clone()
+                })
+            };
+            Model {
+                networks: tables.iter().filter_map(of).collect(),
+                ..self.clone()
+            }
+        };
+        (0..count).map(member).collect()
+    }
+
+    /// Whether a network of it is an ensemble.
+    pub fn has_ensemble(&self) -> bool {
+        self.networks.iter().any(|entry| entry.share != 1.0)
+    }
 }
 
 /// Whether an `[[effect]]` table is a network's.
@@ -51,25 +115,26 @@ pub(super) fn read(
 ) -> Vec<NetworkEntry> {
     let mut unheard = Faults::default(); // what is wrong with the tables is told by the reader of effects
     let tables = root.sections("effect", &mut unheard);
-    let tables = tables.into_iter().filter(is_network);
+    let tables = tables.into_iter().filter(is_network).enumerate();
     tables
-        .filter_map(|table| read_one(&table, path, mechanism, inputs, faults))
+        .flat_map(|table| read_one(table, path, mechanism, inputs, faults))
         .collect()
 }
 
+/// The network of a table, or the members of its ensemble; none where a file is faulty.
 fn read_one(
-    table: &Section,
+    (index, table): (usize, Section),
     model: &Path,
     mechanism: Option<&Mechanism>,
     inputs: &[Input],
     faults: &mut Faults,
-) -> Option<NetworkEntry> {
+) -> Vec<NetworkEntry> {
     let titled = Section {
         title: KIND.to_owned(),
         ..table.clone()
     };
     titled.check_keys(&["kind", "weights", "joints"], faults);
-    let file = titled.needed_string("weights", faults);
+    let files = files(&titled, faults);
     if table.get("joints").is_none() {
         faults.at(
             table.offset,
@@ -77,53 +142,121 @@ fn read_one(
         );
     }
     let joints = table.strings("joints", faults);
-    let (file, joints, mechanism) = (file?, joints?, mechanism?);
+    let (Some(joints), Some(mechanism)) = (joints, mechanism) else {
+        return Vec::new();
+    };
     let inputs: Vec<&str> = inputs.iter().map(|input| input.name.as_str()).collect();
     let names = Names {
         coordinates: mechanism.mechanics.coordinates(),
         inputs: &inputs,
     };
     let folder = model.parent().unwrap_or(Path::new(""));
-    let path = folder.join(file.value);
-    let (force, card, sha256) = match weights::read(&path, names) {
-        Ok(read) => read,
+    let read = files.iter().map(|file| {
+        let stored = read_file(file, &folder.join(file.value), names, faults)?;
+        check_joints(file, &stored.card, &joints, table.offset, faults);
+        Some(NetworkEntry {
+            table: index,
+            share: 1.0 / files.len() as f64,
+            weights: file.value.to_owned(),
+            path: folder.join(file.value),
+            sha256: stored.sha256,
+            single: stored.single,
+            force: Arc::new(stored.force),
+            card: stored.card,
+        })
+    });
+    let Some(entries) = read.collect::<Option<Vec<_>>>() else {
+        return Vec::new();
+    };
+    let mut pairs = files.iter().zip(&entries);
+    if let Some((_, first)) = pairs.next()
+        && let Some((file, _)) = pairs.find(|(_, e)| e.force.is_alone() != first.force.is_alone())
+    {
+        faults.at(
+            file.offset(),
+            format!(
+                "{} and {} are no ensemble: one stands for all of Q on its joints and the other does not",
+                quoted(&first.weights),
+                quoted(file.value)
+            ),
+        );
+    }
+    entries
+}
+
+/// `weights`: a file, or those of the members of an ensemble.
+fn files<'a>(table: &Section<'a>, faults: &mut Faults) -> Vec<Placed<&'a str>> {
+    let list = table.get("weights").filter(|w| w.get_ref().is_array());
+    let Some(list) = list else {
+        return table.needed_string("weights", faults).into_iter().collect();
+    };
+    let files = table.strings("weights", faults).unwrap_or_default();
+    for (k, file) in files.iter().enumerate() {
+        if files.iter().take(k).any(|other| other.value == file.value) {
+            faults.at(
+                file.offset(),
+                format!(
+                    "{} is there twice among the members of an ensemble",
+                    quoted(file.value)
+                ),
+            );
+        }
+    }
+    if files.is_empty() {
+        faults.at(
+            list.span().start,
+            "`weights` is an empty list: name the file of a network",
+        );
+    }
+    files
+}
+
+fn read_file(
+    file: &Placed<&str>,
+    path: &Path,
+    names: Names<'_>,
+    faults: &mut Faults,
+) -> Option<Stored> {
+    match weights::read(path, names) {
+        Ok(stored) => return Some(stored),
         Err(Error::Problems(problems)) => {
             for problem in &problems.list {
                 faults.at(file.offset(), format!("{}: {problem}", problems.source));
             }
-            return None;
         }
-        Err(other) => {
-            faults.at(file.offset(), other.to_string());
-            return None;
-        }
-    };
+        Err(other) => faults.at(file.offset(), other.to_string()),
+    }
+    None
+}
+
+/// Whether the table names the joints that the file was trained for.
+fn check_joints(
+    file: &Placed<&str>,
+    card: &Card,
+    joints: &[Placed<&str>],
+    table: usize,
+    faults: &mut Faults,
+) {
     let trained: Vec<&str> = card
         .joints
         .iter()
         .map(|joint| joint.name.as_str())
         .collect();
     let named: Vec<&str> = joints.iter().map(|joint| joint.value).collect();
-    if trained != named {
-        let list = |names: &[&str]| -> String {
-            let quoted: Vec<String> = names.iter().map(|name| quoted(name)).collect();
-            quoted.join(", ")
-        };
-        faults.at(
-            joints.first().map_or(table.offset, |joint| joint.offset()),
-            format!(
-                "`joints` are {}, and {} was trained for {}: name those, in this order",
-                list(&named),
-                quoted(file.value),
-                list(&trained)
-            ),
-        );
+    if trained == named {
+        return;
     }
-    Some(NetworkEntry {
-        weights: file.value.to_owned(),
-        path,
-        sha256,
-        force: Arc::new(force),
-        card,
-    })
+    let list = |names: &[&str]| -> String {
+        let quoted: Vec<String> = names.iter().map(|name| quoted(name)).collect();
+        quoted.join(", ")
+    };
+    faults.at(
+        joints.first().map_or(table, |joint| joint.offset()),
+        format!(
+            "`joints` are {}, and {} was trained for {}: name those, in this order",
+            list(&named),
+            quoted(file.value),
+            list(&trained)
+        ),
+    );
 }

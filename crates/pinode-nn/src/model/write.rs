@@ -29,8 +29,8 @@ pub struct Revision {
 /// A learnt force that is new in a model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NewNetwork {
-    /// The file of its weights, beside the model.
-    pub weights: String,
+    /// The file of its weights, beside the model; of an ensemble those of all members.
+    pub weights: Vec<String>,
     /// The joints that it acts on.
     pub joints: Vec<String>,
     /// Where it comes from.
@@ -106,10 +106,15 @@ impl Model {
         };
         let own =
             |table: &&mut Table| table.get("kind").and_then(Item::as_str) == Some(networks::KIND);
-        for (table, network) in tables.iter_mut().filter(own).zip(&self.networks) {
-            let bytes = std::fs::read(&network.path).map_err(|e| Error::io(&network.path, e))?;
-            let name = copy_beside(&network.path, &bytes, dir)?;
-            set(table, "weights", Value::from(name));
+        let networks = self.networks.chunk_by(|a, b| a.table == b.table);
+        for (table, networks) in tables.iter_mut().filter(own).zip(networks) {
+            let mut names = Vec::new();
+            for network in networks {
+                let bytes =
+                    std::fs::read(&network.path).map_err(|e| Error::io(&network.path, e))?;
+                names.push(copy_beside(&network.path, &bytes, dir)?);
+            }
+            set(table, "weights", one_or_list(names));
         }
         Ok(())
     }
@@ -281,7 +286,8 @@ impl Model {
             Some(Item::Value(Value::Array(array))) => array.len(),
             _ => 0,
         };
-        self.effects.len() + self.networks.len() > written
+        let tables = self.networks.chunk_by(|a, b| a.table == b.table).count();
+        self.effects.len() + tables > written
     }
 }
 
@@ -291,10 +297,18 @@ fn add_network(document: &mut DocumentMut, network: &NewNetwork) {
     };
     let mut table = commented(&network.comment);
     set(&mut table, "kind", Value::from(networks::KIND));
-    set(&mut table, "weights", Value::from(network.weights.clone()));
+    set(&mut table, "weights", one_or_list(network.weights.clone()));
     let joints: toml_edit::Array = network.joints.iter().map(String::as_str).collect();
     set(&mut table, "joints", Value::Array(joints));
     tables.push(table);
+}
+
+/// A name as a string, several as an array.
+fn one_or_list(mut names: Vec<String>) -> Value {
+    match (names.pop(), names.is_empty()) {
+        (Some(only), true) => Value::from(only),
+        (last, _) => Value::Array(names.into_iter().chain(last).collect()),
+    }
 }
 
 /// A table that begins with a comment.

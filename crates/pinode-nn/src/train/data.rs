@@ -1,5 +1,7 @@
 //! Recordings, cut into the windows that a network is trained on.
 
+use std::collections::BTreeSet;
+
 use lagrange::Coordinate;
 
 use super::adjoint::Member;
@@ -8,7 +10,7 @@ use super::{Options, Start};
 use crate::Error;
 use crate::diagnose::audit::{Masked, audit};
 use crate::diagnose::smooth::{Smoothed, smooth};
-use crate::entries::refuse_poses;
+use crate::entries::{refuse_poses, starts};
 use crate::hybrid::{ConstantId, DrivenInputs, Hybrid};
 use crate::learnt::{Feature, Output, Quantity};
 use crate::log::Log;
@@ -243,6 +245,23 @@ impl Recordings {
             first: window.first,
             start: &side.starts[index],
         }
+    }
+
+    /// What a network saw of the samples in the windows that it learnt from, one row a sample.
+    pub fn seen_states(&self, features: &[Feature]) -> Vec<Vec<f64>> {
+        let windows = self.seen.windows.iter();
+        let samples = windows.flat_map(|w| (w.first..w.first + w.count).map(|k| (w.run, k)));
+        let samples: BTreeSet<(usize, usize)> = samples.collect(); // windows overlap
+        let starts = starts(self.hybrid.mechanics().coordinates());
+        let of = |(run, k): (usize, usize)| -> Vec<f64> {
+            let (state, inputs) = (self.smoothed[run].state(k), &self.inputs[run]);
+            let value = |f: &Feature| {
+                f.quantity
+                    .value(&state, k, &starts, self.hybrid.nq(), inputs)
+            };
+            features.iter().map(value).collect()
+        };
+        samples.into_iter().map(of).collect()
     }
 
     /// What the network sees, scaled to mean 0 and deviation 1 over the recordings.

@@ -275,6 +275,8 @@ fn trained<T: Real>(
 ) -> Result<Trained, Error> {
     let model = training.model;
     let force = session.force(&session.best)?;
+    let seen = session.recordings.seen_states(force.features());
+    let force = force.trained_on(&seen);
     let inputs: Vec<&str> = model.inputs.iter().map(|i| i.name.as_str()).collect();
     let mut card = Card::of(
         &force,
@@ -307,7 +309,7 @@ fn trained<T: Real>(
             Start::Fitted => "squares of the sensors' noise, from fitted states; windows beyond ten of it count little more",
         },
         "precision": if options.single { "f32" } else { "f64" },
-        "range": "outside of the features' `range` the force was never seen",
+        "range": "the features' `range` and the tensor `region` are what the windows that were learnt from cover; outside of it the force was never seen",
     });
     if let serde_json::Value::Object(words) = words {
         card.training = words;
@@ -343,26 +345,50 @@ impl Trained {
     /// # Errors
     /// As [`Model::write_revision`].
     pub fn write(&self, model: &Model, dir: &Path) -> Result<PathBuf, Error> {
-        std::fs::create_dir_all(dir).map_err(|e| Error::io(dir, e))?;
-        weights::write(&dir.join(WEIGHTS), &self.force, &self.card, self.single)?;
-        let mut revision = self.revision.clone();
-        revision.network = Some(NewNetwork {
-            weights: WEIGHTS.to_owned(),
-            joints: self
-                .card
-                .joints
-                .iter()
-                .map(|joint| joint.name.clone())
-                .collect(),
-            comment: format!(
-                "learnt by `pinode train` from {} windows; what it saw, and how well it does, is in the file's metadata",
-                self.card
-                    .training
-                    .get("windows")
-                    .cloned()
-                    .unwrap_or_default()
-            ),
-        });
-        model.write_revision(dir, "model.toml", &revision)
+        write_ensemble(std::slice::from_ref(self), model, dir)
     }
+}
+
+/// The name of the weights of member `k` of `members`, from 0.
+pub fn weights_name(k: usize, members: usize) -> String {
+    match members {
+        1 => WEIGHTS.to_owned(),
+        _ => format!("network-{}.safetensors", k + 1),
+    }
+}
+
+/// Writes the weights of networks that were trained for the same from different beginnings, and `model.toml`, the model with their mean in it, to `dir`;
+/// returns the path of the model. The constants are as fitted beside the first.
+///
+/// # Errors
+/// As [`Model::write_revision`]; [`Error::Training`] without a member.
+pub fn write_ensemble(members: &[Trained], model: &Model, dir: &Path) -> Result<PathBuf, Error> {
+    let Some(first) = members.first() else {
+        return Err(Error::Training(
+            "an ensemble has no member: train at least one".to_owned(),
+        ));
+    };
+    std::fs::create_dir_all(dir).map_err(|e| Error::io(dir, e))?;
+    let names: Vec<String> = (0..members.len())
+        .map(|k| weights_name(k, members.len()))
+        .collect();
+    for (member, name) in members.iter().zip(&names) {
+        weights::write(&dir.join(name), &member.force, &member.card, member.single)?;
+    }
+    let what = match members.len() {
+        1 => "learnt".to_owned(),
+        n => format!("{n} networks, whose mean is the force, learnt"),
+    };
+    let joints = first.card.joints.iter().map(|joint| joint.name.clone());
+    let windows = first.card.training.get("windows").cloned();
+    let mut revision = first.revision.clone();
+    revision.network = Some(NewNetwork {
+        weights: names,
+        joints: joints.collect(),
+        comment: format!(
+            "{what} by `pinode train` from {} windows; what it saw, and how well it does, is in the file's metadata",
+            windows.unwrap_or_default()
+        ),
+    });
+    model.write_revision(dir, "model.toml", &revision)
 }
