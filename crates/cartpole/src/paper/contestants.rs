@@ -81,9 +81,11 @@ impl Contestant {
                 alone: false,
                 ..published
             },
-            Contestant::OdeOnWindows | Contestant::Ours | Contestant::ConstantVelocity => {
-                Options::new(vec![SLIDER])
-            }
+            Contestant::OdeOnWindows | Contestant::ConstantVelocity => Options::new(vec![SLIDER]),
+            Contestant::Ours => Options {
+                epochs: 150,
+                ..Options::new(vec![SLIDER])
+            },
             Contestant::BlackBox => Options {
                 joints: vec![SLIDER, POLE],
                 ..published

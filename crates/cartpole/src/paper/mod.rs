@@ -33,7 +33,7 @@ mod windows;
 
 pub use contestants::Contestant;
 pub use environment::RigEnvironment;
-pub use experiment::{Errors, Experiment, Outcome, Row, Table};
+pub use experiment::{Errors, Experiment, Lesson, Outcome, Row, Table};
 pub use recording::{Recording, Truth};
 pub use rig::{Friction, PaperRig, Start};
 pub use windows::{StartsAt, true_errors};

@@ -20,6 +20,9 @@ pub(super) struct Arguments {
     /// At most so many epochs [default: each model's own]
     #[arg(long, value_name = "N")]
     epochs: Option<usize>,
+    /// Leave out what is learnt from less and from other data
+    #[arg(long)]
+    no_outlook: bool,
 }
 
 pub(super) fn run(
@@ -35,6 +38,7 @@ pub(super) fn run(
         samples: [arguments.samples, table::TEST_SAMPLES],
         seeds: (first..first + arguments.seeds).collect(),
         epochs: arguments.epochs,
+        outlook: !arguments.no_outlook,
         windows: 1000,
     };
     let known = models.join("paper_known.toml");
@@ -53,7 +57,12 @@ fn text(outcome: &Outcome) -> String {
     );
     for table in &outcome.tables {
         // Writing to a String cannot fail.
-        let _ = writeln!(out, "\n{} friction", table.friction);
+        let _ = writeln!(
+            out,
+            "\n{} friction, learnt from {}",
+            table.friction,
+            table.learnt_from.title()
+        );
         let _ = write!(out, "{:44}{:10}", "model", "starts");
         for signal in outcome.signals {
             let _ = write!(out, "{signal:>24}");
