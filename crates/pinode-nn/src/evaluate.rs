@@ -492,3 +492,55 @@ pub fn errors(model: &Model, logs: &[Log], options: &Options) -> Result<Vec<Vec<
         }),
     }
 }
+
+/// A window as it was measured and as the model has it, from its second sample on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RollOut {
+    /// Times of the samples, s.
+    pub t: Vec<f64>,
+    /// The signals of [`Evaluation::coordinates`].
+    pub signals: Vec<Signal>,
+}
+
+/// One signal of a window.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Signal {
+    /// What the sensor read.
+    pub measured: Vec<f64>,
+    /// What it would read of the model; shorter where that diverges.
+    pub simulated: Vec<f64>,
+}
+
+/// The roll-outs behind an [`Evaluation`].
+///
+/// # Errors
+/// [`Error::NoWindow`] when no recording is long enough; [`Error::Floating`] when a coordinate is the pose of a floating body.
+pub fn roll_outs(model: &Model, logs: &[Log], options: &Options) -> Result<Vec<RollOut>, Error> {
+    refuse_poses(model.mechanics.coordinates(), WORK)?;
+    let runs: Vec<&Run> = logs.iter().flat_map(|log| &log.runs).collect();
+    let starts = starts(&runs, options);
+    if starts.is_empty() {
+        return Err(Error::NoWindow {
+            horizon: options.horizon,
+        });
+    }
+    let channels = channels(model, &runs);
+    Ok(over_windows(model, logs, options, &starts, |window| {
+        let samples = window.first + 1..window.first + window.count;
+        let signal = |channel: &Channel| {
+            let column = match (channel.velocity, &window.run.v[channel.coordinate]) {
+                (true, Some(v)) => v,
+                _ => &window.run.q[channel.coordinate],
+            };
+            let there = window.states.len() / window.nx;
+            Signal {
+                measured: column[samples.clone()].to_vec(),
+                simulated: (1..there).map(|k| window.reads(*channel, k)).collect(),
+            }
+        };
+        RollOut {
+            t: window.run.t[samples.clone()].to_vec(),
+            signals: channels.iter().map(signal).collect(),
+        }
+    }))
+}

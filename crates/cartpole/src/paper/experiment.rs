@@ -1,6 +1,6 @@
 //! The paper's experiment: every model learns from one recording, and runs free over 1000 windows of 0.6 s of another.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use pinode_nn::evaluate::{Options as Windows, evaluate};
 use pinode_nn::free_run::Initial;
@@ -50,6 +50,16 @@ impl Lesson {
             Lesson::Tenth => "a tenth of it",
             Lesson::Hundredth => "a hundredth of it",
             Lesson::Calm => "a recording in which the pole only hangs",
+        }
+    }
+
+    /// Part of the names of its files.
+    fn name(self) -> &'static str {
+        match self {
+            Lesson::All => "all",
+            Lesson::Tenth => "tenth",
+            Lesson::Hundredth => "hundredth",
+            Lesson::Calm => "calm",
         }
     }
 
@@ -114,11 +124,18 @@ pub struct Outcome {
     pub tables: Vec<Table>,
 }
 
-const HORIZON: f64 = 0.6;
+pub(super) const HORIZON: f64 = 0.6;
+/// What the models run over, in the folder of a rig and a seed.
+pub(super) const TEST: &str = "test.csv";
 /// Integration steps are not longer, s: the errors are those of steps of 1 ms to four digits.
-const LONGEST_STEP: f64 = 5e-3;
+pub(super) const LONGEST_STEP: f64 = 5e-3;
 
 impl Experiment {
+    /// The folder of a rig and a seed in `out`.
+    pub(super) fn folder(out: &Path, friction: &str, seed: u64) -> PathBuf {
+        out.join(format!("{friction}-{seed}"))
+    }
+
     /// Runs it and writes logs and models to `out`; `known` is what is known of the rig, `tell` hears what is being done.
     ///
     /// # Errors
@@ -147,7 +164,7 @@ impl Experiment {
                         experiment: self,
                         rig: &rig,
                         known,
-                        folder: &out.join(format!("{name}-{seed}")),
+                        folder: &Self::folder(out, name, seed),
                         seed,
                     };
                     all.push(exam.rows(lesson, &mut |what| {
@@ -215,7 +232,7 @@ impl Exam<'_> {
         let mut rows = Vec::new();
         for contestant in lesson.contestants() {
             tell(&format!("{}, from {}", contestant.title(), lesson.title()));
-            let own = folder.join(format!("{}-{name}", contestant.folder()));
+            let own = folder.join(folder_of(*contestant, lesson));
             let path = contestant.learn(known, &learn, &own, seed, experiment.epochs)?;
             let model = Model::load(&path)?;
             let unseen = Log::read(&paths[1], &model)?;
@@ -251,6 +268,11 @@ impl Exam<'_> {
         }
         Ok(rows)
     }
+}
+
+/// Where a model is, in the folder of a rig and a seed.
+pub(super) fn folder_of(contestant: Contestant, lesson: Lesson) -> String {
+    format!("{}-{}", contestant.folder(), lesson.name())
 }
 
 /// The rig with a hand that does not swing the pole.

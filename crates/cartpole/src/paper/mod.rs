@@ -27,6 +27,7 @@ mod environment;
 mod experiment;
 pub mod operator;
 mod recording;
+mod report;
 mod rig;
 pub mod table;
 mod windows;
@@ -35,6 +36,7 @@ pub use contestants::Contestant;
 pub use environment::RigEnvironment;
 pub use experiment::{Errors, Experiment, Lesson, Outcome, Row, Table};
 pub use recording::{Recording, Truth};
+pub use report::report;
 pub use rig::{Friction, PaperRig, Start};
 pub use windows::{StartsAt, true_errors};
 

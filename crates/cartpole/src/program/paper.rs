@@ -6,7 +6,7 @@ use std::path::Path;
 use pinode_nn::cli::Output;
 
 use super::Error;
-use crate::paper::{Experiment, Outcome, PaperRig, table};
+use crate::paper::{Experiment, Outcome, PaperRig, report, table};
 
 /// What to compare, and how long.
 #[derive(Debug, Clone, Copy, clap::Args)]
@@ -43,6 +43,8 @@ pub(super) fn run(
     };
     let known = models.join("paper_known.toml");
     let outcome = experiment.run(&rig, &known, out, &mut |what| output.note(what))?;
+    let page = report(&experiment, &outcome, out)?;
+    output.note(&format!("written: {}", page.display()));
     output.result(&outcome, &text(&outcome))?;
     Ok(())
 }

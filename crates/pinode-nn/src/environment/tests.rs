@@ -66,6 +66,9 @@ fn with_network(mut model: Model) -> Model {
         inputs: &["motor"],
     };
     model.networks.push(NetworkEntry {
+        table: 0,
+        share: 1.0,
+        single: false,
         weights: "none.safetensors".to_owned(),
         path: "none.safetensors".into(),
         sha256: String::new(),

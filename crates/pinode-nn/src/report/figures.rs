@@ -23,6 +23,7 @@ pub const AFTER: &str = "#1b87c9";
 pub const TEXT: &str = "#80868c";
 
 /// A figure and what it shows.
+#[derive(Debug, Clone)]
 pub struct Figure {
     /// In words.
     pub title: String,
@@ -276,7 +277,7 @@ fn add(
 }
 
 /// Every n-th finite point, so that at most [`MOST_POINTS`] are left.
-fn thinned(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
+pub fn thinned(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let finite = || {
         x.iter()
             .zip(y)

@@ -5,6 +5,7 @@ mod gaps;
 mod page;
 mod profiles;
 mod ruled_out;
+pub mod sheet;
 mod sketch;
 pub(crate) mod words;
 
