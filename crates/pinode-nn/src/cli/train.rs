@@ -18,7 +18,7 @@ use crate::model::Model;
 use crate::naming::{hint, quoted};
 use crate::network::Activation;
 use crate::train::{
-    Checkpoint, Epoch, Options, Trained, Training, train, weights_name, write_ensemble,
+    Checkpoint, Epoch, Options, Trained, Training, fit_physics, train, weights_name, write_ensemble,
 };
 
 /// What was done so far, in the folder of a training.
@@ -50,6 +50,9 @@ pub(super) struct Arguments {
     /// Networks to train, from so many seeds from --seed on: their mean is the force, and how far they are apart says how far it is known
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=100))]
     members: u16,
+    /// Train instead what a network is compared with
+    #[arg(long, value_enum, conflicts_with = "resume")]
+    baseline: Option<Baseline>,
     /// As in the paper: one step from the measured state, the network alone on its joints, Adam with 1e-3; other options still count
     #[arg(long)]
     paper: bool,
@@ -90,6 +93,14 @@ pub(super) struct Arguments {
     /// Longest integration step, s
     #[arg(long, value_name = "S", default_value_t = 0.02)]
     step: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Baseline {
+    /// The model alone: its constants and the parameters of its effects by least squares, no network
+    Ode,
+    /// The network alone: no mechanics, no effects, and it acts on all joints
+    BlackBox,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -138,13 +149,21 @@ struct Member {
 }
 
 pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(), Error> {
-    let model = output.load_model(&arguments.model)?;
+    let given = output.load_model(&arguments.model)?;
+    let model = match arguments.baseline {
+        Some(Baseline::BlackBox) => given.without_mechanics(true)?,
+        _ => given,
+    };
     let read = |paths: &[PathBuf]| {
         let logs = paths.iter().map(|path| output.read_log(path, &model));
         logs.collect::<Result<Vec<Log>, _>>()
     };
     let (logs, held_out) = (read(&arguments.logs)?, read(&arguments.holdout)?);
-    let options = options(arguments, seed, &model)?;
+    let mut options = options(arguments, seed, &model)?;
+    if arguments.baseline == Some(Baseline::BlackBox) {
+        options.joints = (0..model.mechanics.coordinates().len()).collect();
+        options.alone = true;
+    }
     let out = arguments.out.as_path();
     refuse_overwriting(&model, out)?;
     std::fs::create_dir_all(out).map_err(|e| Error::io(out, e))?;
@@ -153,6 +172,9 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
         logs: &logs,
         held_out: &held_out,
     };
+    if arguments.baseline == Some(Baseline::Ode) {
+        return fit_alone(&training, options, out, output);
+    }
     let count = usize::from(arguments.members);
     let metrics: Vec<PathBuf> = (0..count)
         .map(|k| out.join(numbered(METRICS, k, count)))
@@ -191,6 +213,26 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
     };
     let report = report(&members, first, &path, out, &metrics);
     output.result(&report, &text(&report))
+}
+
+/// Fits the model without a network.
+fn fit_alone(
+    training: &Training<'_>,
+    options: Options,
+    out: &Path,
+    output: &Output,
+) -> Result<(), Error> {
+    let options = Options {
+        physics: true,
+        ..options
+    };
+    let revision = fit_physics(training, &options)?;
+    let path = training
+        .model
+        .write_revision(out, "model.toml", &revision)?;
+    let model = path.display().to_string();
+    let text = format!("the model alone, fitted\nwritten:\n  {model}\n");
+    output.result(&serde_json::json!({ "model": model }), &text)
 }
 
 /// Trains one network. Its checkpoint stays until all members of an ensemble are there.

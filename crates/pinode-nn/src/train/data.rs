@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use lagrange::Coordinate;
 
 use super::adjoint::Member;
-use super::loss::{Loss, Target};
+use super::loss::{FAR, Loss, Target};
 use super::{Options, Start};
 use crate::Error;
 use crate::diagnose::audit::{Masked, audit};
@@ -391,8 +391,8 @@ fn loss(hybrid: &Hybrid, observations: &Observations, options: &Options) -> Loss
     }
     let first = usize::from(options.start != Start::Fitted);
     let starts: Vec<_> = (0..coordinates.len()).map(|c| hybrid.start_of(c)).collect();
-    let robust = options.start == Start::Fitted;
-    Loss::new(coordinates, &starts, hybrid.nq(), &weights, first, robust)
+    let far = (options.start == Start::Fitted).then_some(FAR);
+    Loss::new(coordinates, &starts, hybrid.nq(), &weights, first, far)
 }
 
 /// The measurements behind the zeros of the sensors. The paper's loss takes velocities as the log has them, differences among them.

@@ -21,8 +21,8 @@ pub(crate) struct Target {
     pub valid: [Vec<Vec<bool>>; 2],
 }
 
-/// κ of a [robust](Loss::robust) loss, in squares of the sensors' noise: ten deviations. Less, and a network would give up what is rare.
-const FAR: f64 = 100.0;
+/// κ of a [robust](Loss::far) loss is at least this, in squares of the sensors' noise: ten deviations. Less, and a network would give up what is rare.
+pub(super) const FAR: f64 = 100.0;
 
 /// Σ_c λ_c (q_c − q′_c)² + μ_c (v_c − v′_c)² over the samples of a window; of an angle that wraps, (cos q − cos q′)² + (sin q − sin q′)² takes the
 /// place of the first square (Roehrl et al. 2020, eq. 11).
@@ -31,9 +31,9 @@ pub(crate) struct Loss {
     channels: Vec<Channel>,
     /// The first sample that counts: 1 where windows start from what was measured, 0 where their start is free.
     pub first: usize,
-    /// Whether a window counts n κ ln(1 + S/(n κ)), S its sum over n samples, instead of S: far from the measurements, as chaos takes it, it counts
-    /// little more, and does not own the sum.
-    pub robust: bool,
+    /// κ, where a window counts n κ ln(1 + S/(n κ)), S its sum over n samples, instead of S: farther from the measurements, as chaos takes it, it
+    /// counts little more, and does not own the sum.
+    pub far: Option<f64>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,7 +55,7 @@ impl Loss {
         nq: usize,
         weights: &[[f64; 2]],
         first: usize,
-        robust: bool,
+        far: Option<f64>,
     ) -> Self {
         let channel = |((coordinate, start), weight): ((&Coordinate, &Start), &[f64; 2])| Channel {
             q: start.q,
@@ -68,26 +68,32 @@ impl Loss {
         Loss {
             channels: channels.map(channel).collect(),
             first,
-            robust,
+            far,
         }
     }
 
     /// What a window counts with the sum `s` over `n` samples, and the derivative of that in `s`.
     pub fn of_window(&self, s: f64, n: f64) -> (f64, f64) {
-        match self.robust {
-            true => {
-                let far = s / (n * FAR);
-                (n * FAR * far.ln_1p(), 1.0 / (1.0 + far))
+        match self.far {
+            Some(kappa) => {
+                let far = s / (n * kappa);
+                (n * kappa * far.ln_1p(), 1.0 / (1.0 + far))
             }
-            false => (s, 1.0),
+            None => (s, 1.0),
         }
+    }
+
+    /// The sum at one sample of a window that has this derivative, see [`of_window`](Self::of_window).
+    pub fn distance(&self, slope: f64) -> f64 {
+        self.far
+            .map_or(f64::NAN, |kappa| kappa * (1.0 / slope - 1.0))
     }
 
     /// The typical sum at one sample where windows count `mean` a sample.
     pub fn typical(&self, mean: f64) -> f64 {
-        match self.robust {
-            true => FAR * (mean / FAR).exp_m1(),
-            false => mean,
+        match self.far {
+            Some(kappa) => kappa * (mean / kappa).exp_m1(),
+            None => mean,
         }
     }
 

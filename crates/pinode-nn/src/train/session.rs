@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::adam::Adam;
 use super::adjoint::{CHUNK, Chunk, Learner, Member, Setting};
 use super::data::{Recordings, Side};
+use super::loss::FAR;
 use super::{Options, Start};
 use crate::Error;
 use crate::learnt::LearntForce;
@@ -21,6 +22,8 @@ const FIRST_REFIT: usize = 2;
 const STARTS_OF_HELD_OUT: usize = 2;
 /// The rate falls to this part of it.
 const LAST_RATE: f64 = 0.01;
+/// κ of the loss at most.
+const FARTHEST: f64 = 1e100;
 /// Less gain on the windows held out than this share counts as none.
 const GAIN: f64 = 1e-3;
 
@@ -118,6 +121,18 @@ impl<'a, T: Real> Session<'a, T> {
             self.recordings.fit_beside(force);
         }
         let mut order: Vec<usize> = (0..self.recordings.seen.windows.len()).collect();
+        if fitted {
+            if number == 1 {
+                self.look_at_all(&order)?;
+            }
+            // What is far is so beside the others: while all are, none is.
+            let typical = self.recordings.seen.median_distance();
+            self.recordings.loss.far = Some(typical.clamp(FAR, FARTHEST));
+            if number == 1 {
+                // No step of the starts has been made.
+                self.recordings.seen.trust_all();
+            }
+        }
         let mut rng = ChaCha8Rng::seed_from_u64(self.options.seed);
         rng.set_stream(number as u64);
         order.shuffle(&mut rng);
@@ -136,10 +151,11 @@ impl<'a, T: Real> Session<'a, T> {
                 windows: order.len(),
             });
         }
+        let loss = self.typical(loss, order.len() - diverged);
         let (held_out, _) = self.held_out()?;
         let epoch = Epoch {
             epoch: number,
-            loss: self.typical(loss, order.len() - diverged),
+            loss,
             held_out,
             diverged,
             rate: self.rate(number as f64 / self.options.epochs as f64),
@@ -150,6 +166,26 @@ impl<'a, T: Real> Session<'a, T> {
             self.best_theta.clone_from(&self.recordings.theta);
         }
         Ok(epoch)
+    }
+
+    /// How far all windows that are learnt from are from their measurements.
+    fn look_at_all(&mut self, all: &[usize]) -> Result<(), Error> {
+        for batch in all.chunks(self.options.batch) {
+            let setting = setting(&self.recordings);
+            let (learner, recordings) = (&self.learner, &self.recordings);
+            let used = batch.len().div_ceil(CHUNK);
+            self.chunks[..used]
+                .par_iter_mut()
+                .zip(batch.par_chunks(CHUNK))
+                .try_for_each(|(chunk, batch)| {
+                    let members = members(recordings, &recordings.seen, batch);
+                    chunk.roll(&setting, learner, &members[..batch.len()])
+                })
+                .map_err(Error::Mechanics)?;
+            let Recordings { seen, loss, .. } = &mut self.recordings;
+            seen.look(loss, batch, &self.chunks[..used]);
+        }
+        Ok(())
     }
 
     /// η along a cosine, or the same for ever.
@@ -217,8 +253,8 @@ impl<'a, T: Real> Session<'a, T> {
             }
         }
         if fitted {
-            let seen = &mut self.recordings.seen;
-            seen.improve(batch, &mut self.chunks[..used]);
+            let Recordings { seen, loss, .. } = &mut self.recordings;
+            seen.improve(loss, batch, &mut self.chunks[..used]);
         }
         let mut scale = 1.0 / terms;
         if fitted {
@@ -239,6 +275,10 @@ impl<'a, T: Real> Session<'a, T> {
             Start::Measured { .. } => 0,
         };
         let all: Vec<usize> = (0..self.recordings.held_out.windows.len()).collect();
+        // The same measure for all epochs.
+        if let Some(far) = &mut self.recordings.loss.far {
+            *far = FAR;
+        }
         let (mut loss, mut diverged) = (0.0, 0);
         for round in 0..=rounds {
             (loss, diverged) = (0.0, 0);
@@ -266,8 +306,8 @@ impl<'a, T: Real> Session<'a, T> {
                     diverged += chunk.diverged;
                 }
                 if round < rounds {
-                    let held_out = &mut self.recordings.held_out;
-                    held_out.improve(batch, &mut self.chunks[..used]);
+                    let Recordings { held_out, loss, .. } = &mut self.recordings;
+                    held_out.improve(loss, batch, &mut self.chunks[..used]);
                 }
             }
         }

@@ -5,14 +5,15 @@
 
 use super::adjoint::{CHUNK, Chunk};
 use super::data::{Recordings, Side};
+use super::loss::Loss;
 use super::physics::STATE_STEPS;
 use crate::hybrid::Hybrid;
 use crate::network::Real;
 use crate::shooting::{FitOptions, HiddenPrior, fit};
 
-/// A window whose sum, in units of κ of the loss, has grown by this factor, and by this much beside, has got worse.
+/// A window whose sum at a sample has grown by this factor, and by this many squares of the noise beside, has got worse.
 const WORSE: f64 = 1.2;
-const NEAR: f64 = 0.01;
+const NEAR: f64 = 1.0;
 /// Nothing is known of a start before.
 const FARTHEST: f64 = 1e300;
 /// μ at first, and at least; how it grows and falls; the most of it.
@@ -56,22 +57,28 @@ impl Recordings {
 
 impl Side {
     /// One step of the starts of a batch, from what its chunks know of them.
-    pub fn improve<T: Real>(&mut self, batch: &[usize], chunks: &mut [Chunk<T>]) {
+    pub fn improve<T: Real>(&mut self, loss: &Loss, batch: &[usize], chunks: &mut [Chunk<T>]) {
         for (chunk, batch) in chunks.iter_mut().zip(batch.chunks(CHUNK)) {
             for (k, &index) in batch.iter().enumerate() {
-                self.improve_start(index, chunk, k);
+                self.improve_start(loss, index, chunk, k);
             }
         }
     }
 
     /// One step of the start of window `index`, number `k` of its chunk; back to the start of before, with more damping from there, where the step
     /// before has made the window much worse.
-    fn improve_start<T: Real>(&mut self, index: usize, chunk: &mut Chunk<T>, k: usize) {
+    fn improve_start<T: Real>(
+        &mut self,
+        loss: &Loss,
+        index: usize,
+        chunk: &mut Chunk<T>,
+        k: usize,
+    ) {
         let (start, trust) = (&mut self.starts[index], &mut self.trust[index]);
         let (known, before) = trust.split_at_mut(2);
         let [distance, damping] = [known[0], known[1]];
         let factor = chunk.factor(k);
-        let now = 1.0 / factor - 1.0;
+        let now = loss.distance(factor);
         if factor == 0.0 || now > WORSE * distance + NEAR {
             start.copy_from_slice(before);
             // The network moves, too: what was reached with another one may be out of reach.
@@ -83,6 +90,30 @@ impl Side {
         known[1] = (SOFTER * damping).max(LEAST);
         before.copy_from_slice(start);
         chunk.move_start(k, damping, start);
+    }
+
+    /// Notes how far the windows of a batch are from their measurements, as their chunks have rolled them out.
+    pub fn look<T: Real>(&mut self, loss: &Loss, batch: &[usize], chunks: &[Chunk<T>]) {
+        for (chunk, batch) in chunks.iter().zip(batch.chunks(CHUNK)) {
+            for (k, &index) in batch.iter().enumerate() {
+                let distance = loss.distance(chunk.factor(k));
+                self.trust[index][0] = if distance < FARTHEST {
+                    distance
+                } else {
+                    FARTHEST
+                };
+            }
+        }
+    }
+
+    /// How far windows are from their measurements, in the median.
+    pub fn median_distance(&self) -> f64 {
+        let mut all: Vec<f64> = self.trust.iter().map(|trust| trust[0]).collect();
+        let middle = all.len() / 2;
+        match all.is_empty() {
+            true => 0.0,
+            false => *all.select_nth_unstable_by(middle, f64::total_cmp).1,
+        }
     }
 
     /// Nothing is known of the steps before.

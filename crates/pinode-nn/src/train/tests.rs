@@ -9,7 +9,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::adjoint::{CHUNK, Chunk, Learner, Member, Setting};
-use super::loss::{Loss, Target};
+use super::loss::{FAR, Loss, Target};
 use crate::hybrid::{DrivenInputs, Hybrid};
 use crate::learnt::{Feature, LearntForce, Output, Quantity};
 use crate::model::Model;
@@ -65,7 +65,7 @@ impl Case {
         let coordinates = hybrid.mechanics().coordinates();
         let places: Vec<_> = (0..n).map(|c| hybrid.start_of(c)).collect();
         let weights: Vec<[f64; 2]> = (0..n).map(|c| [1.0 + c as f64, 0.3]).collect();
-        let loss = Loss::new(coordinates, &places, n, &weights, 1, false);
+        let loss = Loss::new(coordinates, &places, n, &weights, 1, None);
         let mut quantities: Vec<Quantity> = Vec::new();
         for c in 0..n {
             quantities.extend([
@@ -190,7 +190,7 @@ fn cases() -> Vec<(&'static str, Case)> {
 #[test]
 fn the_gradient_in_the_weights_is_the_slope_of_the_loss() {
     for (k, (name, mut case)) in cases().into_iter().enumerate() {
-        case.loss.robust = k % 2 == 0;
+        case.loss.far = (k % 2 == 0).then_some(FAR);
         let chunk = case.chunk();
         assert_eq!(chunk.diverged, 0, "{name}");
         let mut rng = ChaCha8Rng::seed_from_u64(5);
