@@ -5,7 +5,9 @@ use std::path::PathBuf;
 
 use approx::{assert_abs_diff_eq, assert_relative_eq};
 use cartpole::config::{ConfigError, PaperConfig};
-use cartpole::paper::{Error, Friction, PaperRig, Start, StartsAt, table, true_errors};
+use cartpole::paper::{
+    Contestant, Error, Experiment, Friction, PaperRig, Start, StartsAt, report, table, true_errors,
+};
 use cartpole::rig::plant::{self, Plant};
 use cartpole::rig::truth::State;
 
@@ -234,6 +236,51 @@ fn the_true_model_misses_the_measured_motion_by_the_noise_of_its_start() {
             "{from_true:?}"
         );
     }
+}
+
+/// What the whole experiment finds is in BENCHMARKS; here all of it runs, on little.
+#[test]
+fn the_experiment_compares_all_models_and_draws_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let experiment = Experiment {
+        samples: [2500, 700],
+        outlook: false,
+        seeds: vec![1],
+        epochs: Some(3),
+        windows: 40,
+    };
+    let known = settings().with_file_name("paper_known.toml");
+    let mut told = Vec::new();
+    let outcome = experiment
+        .run(&rig(Friction::Mild), &known, folder.path(), &mut |what| {
+            told.push(what.to_owned());
+        })
+        .unwrap();
+    assert_eq!(outcome.tables.len(), 2);
+    assert!(told.iter().any(|what| what.contains("black box")));
+    for table in &outcome.tables {
+        assert_eq!(table.rows.len(), 3 * Contestant::ALL.len() + 2);
+        let of = |model: &str, starts: &str| {
+            let mut rows = table.rows.iter();
+            let row = rows.find(|row| row.model == model && row.starts == starts);
+            row.unwrap().mean
+        };
+        for row in &table.rows {
+            assert!(
+                row.mean.iter().all(|x| *x > 0.0 && x.is_finite()),
+                "{row:?}"
+            );
+        }
+        let (truth, naive) = (of("true", "true"), of("constant-velocity", "measured"));
+        let ours = of("ours", "past");
+        for k in 0..4 {
+            assert!(truth[k] < ours[k] && ours[k] < naive[k], "{k}: {table:?}");
+        }
+    }
+    let page = report(&experiment, &outcome, folder.path()).unwrap();
+    let page = std::fs::read_to_string(page).unwrap();
+    // Two roll-outs and the errors of four signals on two rigs.
+    assert_eq!(page.matches("class=\"plot\"").count(), 24);
 }
 
 #[test]

@@ -507,7 +507,7 @@ pub struct RollOut {
 pub struct Signal {
     /// What the sensor read.
     pub measured: Vec<f64>,
-    /// What it would read of the model; shorter where that diverges.
+    /// What it would read of the model, an angle that wraps within half a turn of the measured one; shorter where the model diverges.
     pub simulated: Vec<f64>,
 }
 
@@ -532,10 +532,18 @@ pub fn roll_outs(model: &Model, logs: &[Log], options: &Options) -> Result<Vec<R
                 (true, Some(v)) => v,
                 _ => &window.run.q[channel.coordinate],
             };
+            let wraps = model.mechanics.coordinates()[channel.coordinate].wraps;
             let there = window.states.len() / window.nx;
+            let simulated = |k: usize| {
+                let (reads, measured) = (window.reads(*channel, k), column[window.first + k]);
+                match wraps && !channel.velocity {
+                    true => measured + wrap_angle(reads - measured),
+                    false => reads,
+                }
+            };
             Signal {
                 measured: column[samples.clone()].to_vec(),
-                simulated: (1..there).map(|k| window.reads(*channel, k)).collect(),
+                simulated: (1..there).map(simulated).collect(),
             }
         };
         RollOut {

@@ -112,3 +112,89 @@ pub(crate) fn states_by_the_past(
     }
     found
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::StandardNormal;
+
+    use super::*;
+
+    const NOISE: f64 = 1e-3;
+    const SAMPLE: usize = 120;
+
+    /// A pendulum that swings freely: its states, and a log of its angle, which goes away from the motion by `ramp` rad/s after [`SAMPLE`].
+    fn recorded(ramp: f64) -> (Model, Log, Vec<[f64; 2]>) {
+        let text = r#"
+            name = "pendulum"
+            [lagrangian]
+            coordinates = ["q"]
+            angles = ["q"]
+            kinetic = "0.5*q_dot^2"
+            potential = "-20*cos(q)"
+            [sensor.q]
+            position_noise = 1e-3
+            velocity = "none"
+        "#;
+        let model = Model::parse("pendulum.toml".as_ref(), text.to_owned()).unwrap();
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let (h, parts) = (0.02, 200);
+        let (mut q, mut v) = (1.2_f64, 0.0);
+        let mut states = Vec::new();
+        let mut log = "t,q.q\n".to_owned();
+        for k in 0..240 {
+            let t = h * f64::from(k);
+            let noise: f64 = rng.sample(StandardNormal);
+            let away = ramp * (t - h * SAMPLE as f64).max(0.0);
+            log += &format!("{t},{}\n", q + NOISE * noise + away);
+            states.push([q, v]);
+            for _ in 0..parts {
+                // Störmer and Verlet's steps: no code of the library.
+                let dt = h / f64::from(parts);
+                v -= 0.5 * dt * 20.0 * q.sin();
+                q += dt * v;
+                v -= 0.5 * dt * 20.0 * q.sin();
+            }
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.csv");
+        std::fs::write(&path, log).unwrap();
+        let log = Log::read(&path, &model).unwrap();
+        (model, log, states)
+    }
+
+    fn found(model: &Model, log: &Log, samples: impl Iterator<Item = usize>) -> Vec<Vec<f64>> {
+        let at: Vec<(usize, usize)> = samples.map(|k| (0, k)).collect();
+        states_by_the_past(model, std::slice::from_ref(log), &at, &Options::default())
+    }
+
+    #[test]
+    fn the_state_by_the_past_has_less_than_the_noise_of_one_reading() {
+        let (model, log, truth) = recorded(0.0);
+        let states = found(&model, &log, 20..230);
+        let square = |i: usize| {
+            let misses = states.iter().zip(&truth[20..]);
+            let sum: f64 = misses
+                .map(|(found, truth)| (found[i] - truth[i]).powi(2))
+                .sum();
+            (sum / states.len() as f64).sqrt()
+        };
+        assert!(square(0) < 0.7 * NOISE, "{}", square(0));
+        // A difference of two readings has 70 mrad/s.
+        let difference = NOISE * 2.0_f64.sqrt() / 0.02;
+        assert!(square(1) < 0.1 * difference, "{}", square(1));
+    }
+
+    #[test]
+    fn what_is_measured_later_does_not_move_the_state() {
+        let [(model, usual, _), (_, other, _)] = [recorded(0.0), recorded(0.5)];
+        let [usual, other] = [&usual, &other].map(|log| found(&model, log, SAMPLE..SAMPLE + 1));
+        for (usual, other) in usual[0].iter().zip(&other[0]) {
+            // The noise of the sensor is taken from the whole log, and hardly changes.
+            assert!((usual - other).abs() < 0.01 * NOISE, "{usual} {other}");
+        }
+    }
+}

@@ -188,6 +188,9 @@ fn kill_after_a_checkpoint(mut child: Child, checkpoint: &Path) {
 fn a_killed_training_resumes_to_the_same_bits_on_any_number_of_threads() {
     let folder = folder();
     let folder = folder.path();
+    // A constant that is fitted beside the network is a part of what is resumed.
+    let friction = "[[effect]]\nkind = \"viscous_friction\"\njoint = \"x\"\ncoefficient = 0.5\n";
+    std::fs::write(folder.join("sledge.toml"), MODEL.to_owned() + friction).unwrap();
     let train = |more: &[&str]| {
         let output = pinode(
             &[TRAIN, &["--epochs", "6", "--quiet"], more].concat(),
@@ -222,6 +225,27 @@ fn a_killed_training_resumes_to_the_same_bits_on_any_number_of_threads() {
     assert!(words.contains("of another training"), "{words}");
     train(&["--out", "killed", "--resume"]);
     assert!(weights("whole") == weights("killed"));
+    let model = |out: &str| std::fs::read(folder.join(out).join("model.toml")).unwrap();
+    assert!(model("whole") == model("killed"));
+}
+
+#[test]
+fn what_networks_are_compared_with_are_models_too() {
+    let folder = folder();
+    let folder = folder.path();
+    for (baseline, network) in [("ode", false), ("black-box", true)] {
+        let more = ["--baseline", baseline, "--out", baseline, "--epochs", "3"];
+        let output = pinode(&[TRAIN, &more].concat(), folder);
+        let words = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{words}");
+        let model = Model::load(&folder.join(baseline).join("model.toml")).unwrap();
+        assert_eq!(!model.networks.is_empty(), network);
+        // The black box does not know the mass.
+        assert_eq!(model.mechanics.parameters().is_empty(), network);
+        if let Some(entry) = model.networks.first() {
+            assert!(entry.force.is_alone());
+        }
+    }
 }
 
 #[test]

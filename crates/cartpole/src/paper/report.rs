@@ -96,7 +96,10 @@ fn tables(outcome: &Outcome) -> Section {
     for table in &outcome.tables {
         let number = |row: &Row, k: usize| {
             let [least, most] = [row.range[0][k], row.range[1][k]];
-            format!("{:.4} ({least:.4}–{most:.4})", row.mean[k])
+            match least == most {
+                true => format!("{least:.4}"),
+                false => format!("{:.4} ({least:.4}–{most:.4})", row.mean[k]),
+            }
         };
         let of = |row: &Row| GridRow {
             cells: [row.title.clone(), row.starts.to_owned()]

@@ -38,3 +38,48 @@ impl Model {
         Model::parse(&self.path, document.to_string())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use std::path::Path;
+
+    use crate::hybrid::Hybrid;
+    use crate::model::Model;
+
+    #[test]
+    fn without_mechanics_everything_goes_on_as_it_moves() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/cartpole");
+        let model = Model::load(&folder.join("paper_known.toml")).unwrap();
+        for driven in [false, true] {
+            let blank = model.without_mechanics(driven).unwrap();
+            let names = |m: &Model| -> Vec<(String, bool)> {
+                let coordinates = m.mechanics.coordinates();
+                let of = coordinates.iter().map(|c| (c.name.clone(), c.wraps));
+                of.collect()
+            };
+            assert_eq!(names(&blank), names(&model));
+            assert_eq!(blank.inputs.len(), usize::from(driven));
+            assert_eq!(blank.sensors, model.sensors);
+            let hybrid = Hybrid::of(&blank);
+            let rows = if driven {
+                vec![vec![0.0; 3]]
+            } else {
+                Vec::new()
+            };
+            let theta = hybrid.theta();
+            let inputs = hybrid.drive(&[0.0, 0.5, 1.0], &rows, 4, &theta, &[]);
+            let mut out = crate::shooting::Trajectory::default();
+            let start = [0.1, 3.0, -0.4, 2.0];
+            crate::shooting::Roller::new(&hybrid, &[])
+                .roll(&theta, &inputs, (0, 3), &start, &mut out)
+                .unwrap();
+            let last = &out.states[8..];
+            let expected = [-0.3, 5.0, -0.4, 2.0];
+            for (last, expected) in last.iter().zip(expected) {
+                assert!((last - expected).abs() < 1e-12, "{last} {expected}");
+            }
+        }
+    }
+}

@@ -215,3 +215,59 @@ pub fn histograms(title: &str, x: &str, lists: &[(&str, Style, &[f64])], id: &st
         html: drawn(plot, layout, id),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    #[test]
+    fn a_sheet_has_its_words_escaped_its_numbers_in_columns_and_its_figures_drawn() {
+        let t = [0.0, 1.0, f64::NAN];
+        let y = [2.0, f64::INFINITY, 1.0];
+        let mut section = Section::new("a < b");
+        section.tables.push(Grid {
+            heading: "errors".to_owned(),
+            texts: 1,
+            columns: vec!["model".to_owned(), "x, m".to_owned()],
+            rows: vec![GridRow {
+                cells: vec!["<ours>".to_owned(), "0.5".to_owned()],
+                chosen: true,
+            }],
+        });
+        let curve = Curve {
+            name: "a & b",
+            style: Style::After,
+            x: &t,
+            y: &y,
+        };
+        section.figures = vec![
+            curves("one", ["t", "y"], &[curve], "first"),
+            histograms(
+                "two",
+                "x",
+                &[("all", Style::Before, &y), ("none", Style::After, &[])],
+                "second",
+            ),
+        ];
+        let sheet = Sheet {
+            title: "t".to_owned(),
+            heading: "h".to_owned(),
+            sections: vec![section],
+        };
+        let page = sheet.render().unwrap();
+        for part in [
+            "a &#60; b",
+            "&#60;ours&#62;",
+            "<td class=\"n\">0.5</td>",
+            "id=\"first\"",
+            "id=\"second\"",
+            "amp; b",
+        ] {
+            assert!(page.contains(part), "{part}");
+        }
+        assert!(!page.contains("<ours>"));
+        assert_eq!(page.matches("class=\"plot\"").count(), 2);
+    }
+}
