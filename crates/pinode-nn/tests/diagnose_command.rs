@@ -17,27 +17,7 @@ const FRICTION: f64 = 1.5;
 /// Standard deviation of the measured position, m.
 const NOISE: f64 = 1e-3;
 
-const MODEL: &str = r#"
-name = "sledge"
-
-[lagrangian]
-coordinates = ["x"]
-kinetic = "0.5*m*x_dot^2"
-potential = "0"
-parameters = { m = 2.0 }
-
-[[input]]
-name = "push"
-joint = "x"
-
-[sensor.x]
-position_noise = 1e-3
-velocity = "none"
-
-[tolerance]
-gain = 0.0
-parameters = { m = 0.0 }
-"#;
+const MODEL: &str = include_str!("data/known_sledge.toml");
 
 /// A log of m ẍ + c ẋ = u with u held over every sample of 0.02 s. There the solution is exact: with w = u/c and a = c/m,
 /// ẋ = w + (ẋ₀ − w) e^{−a t} and x = x₀ + w t + (ẋ₀ − w) (1 − e^{−a t})/a.

@@ -17,27 +17,7 @@ const MASS: f64 = 2.0;
 /// Standard deviation of the measured position, m.
 const NOISE: f64 = 1e-3;
 
-const MODEL: &str = r#"
-name = "sledge"
-
-[lagrangian]
-coordinates = ["x"]
-kinetic = "0.5*m*x_dot^2"
-potential = "0"
-parameters = { m = 2.0 }
-
-[[input]]
-name = "push"
-joint = "x"
-
-[sensor.x]
-position_noise = 1e-3
-velocity = "none"
-
-[tolerance]
-gain = 0.0
-parameters = { m = 0.0 }
-"#;
+const MODEL: &str = include_str!("data/known_sledge.toml");
 
 /// The force that the model lacks, N at v m/s. It falls everywhere: where it rose, motions would leave so fast that no log tells it.
 fn missing(v: f64) -> f64 {

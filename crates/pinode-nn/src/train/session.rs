@@ -171,17 +171,7 @@ impl<'a, T: Real> Session<'a, T> {
     /// How far all windows that are learnt from are from their measurements.
     fn look_at_all(&mut self, all: &[usize]) -> Result<(), Error> {
         for batch in all.chunks(self.options.batch) {
-            let setting = setting(&self.recordings);
-            let (learner, recordings) = (&self.learner, &self.recordings);
-            let used = batch.len().div_ceil(CHUNK);
-            self.chunks[..used]
-                .par_iter_mut()
-                .zip(batch.par_chunks(CHUNK))
-                .try_for_each(|(chunk, batch)| {
-                    let members = members(recordings, &recordings.seen, batch);
-                    chunk.roll(&setting, learner, &members[..batch.len()])
-                })
-                .map_err(Error::Mechanics)?;
+            let used = self.in_chunks(Part::Seen, batch, Chunk::roll)?;
             let Recordings { seen, loss, .. } = &mut self.recordings;
             seen.look(loss, batch, &self.chunks[..used]);
         }
@@ -226,23 +216,12 @@ impl<'a, T: Real> Session<'a, T> {
         }
         let terms = self.terms(batch.len());
         let fitted = self.options.start == Start::Fitted;
-        let setting = setting(&self.recordings);
-        let (learner, recordings) = (&self.learner, &self.recordings);
-        let used = batch.len().div_ceil(CHUNK);
-        self.chunks[..used]
-            .par_iter_mut()
-            .zip(batch.par_chunks(CHUNK))
-            .try_for_each(|(chunk, batch)| {
-                let members = members(recordings, &recordings.seen, batch);
-                let members = &members[..batch.len()];
-                chunk.forward(&setting, learner, members)?;
-                if fitted {
-                    chunk.curve(&setting, learner, members);
-                }
-                chunk.backward(&setting, learner, members);
-                Ok(())
-            })
-            .map_err(Error::Mechanics)?;
+        let work = if fitted {
+            forth_and_back_with_starts
+        } else {
+            forth_and_back
+        };
+        let used = self.in_chunks(Part::Seen, batch, work)?;
         let (mut loss, mut diverged) = (0.0, 0);
         for (k, chunk) in self.chunks[..used].iter().enumerate() {
             loss += chunk.loss;
@@ -283,24 +262,11 @@ impl<'a, T: Real> Session<'a, T> {
         for round in 0..=rounds {
             (loss, diverged) = (0.0, 0);
             for batch in all.chunks(self.options.batch) {
-                let setting = setting(&self.recordings);
-                let (learner, recordings) = (&self.learner, &self.recordings);
-                let used = batch.len().div_ceil(CHUNK);
-                self.chunks[..used]
-                    .par_iter_mut()
-                    .zip(batch.par_chunks(CHUNK))
-                    .try_for_each(|(chunk, batch)| {
-                        let members = members(recordings, &recordings.held_out, batch);
-                        let members = &members[..batch.len()];
-                        if round == rounds {
-                            return chunk.roll(&setting, learner, members);
-                        }
-                        chunk.forward(&setting, learner, members)?;
-                        chunk.curve(&setting, learner, members);
-                        chunk.backward(&setting, learner, members);
-                        Ok(())
-                    })
-                    .map_err(Error::Mechanics)?;
+                let work = match round == rounds {
+                    true => Chunk::roll,
+                    false => forth_and_back_with_starts,
+                };
+                let used = self.in_chunks(Part::HeldOut, batch, work)?;
                 for chunk in &self.chunks[..used] {
                     loss += chunk.loss;
                     diverged += chunk.diverged;
@@ -327,6 +293,26 @@ impl<'a, T: Real> Session<'a, T> {
         Ok(found?.0)
     }
 
+    /// Does a work on every chunk of a batch, in threads; their number.
+    fn in_chunks(&mut self, part: Part, batch: &[usize], work: Work<T>) -> Result<usize, Error> {
+        let (learner, recordings) = (&self.learner, &self.recordings);
+        let setting = setting(recordings);
+        let side = match part {
+            Part::Seen => &recordings.seen,
+            Part::HeldOut => &recordings.held_out,
+        };
+        let used = batch.len().div_ceil(CHUNK);
+        self.chunks[..used]
+            .par_iter_mut()
+            .zip(batch.par_chunks(CHUNK))
+            .try_for_each(|(chunk, batch)| {
+                let members = members(recordings, side, batch);
+                work(chunk, &setting, learner, &members[..batch.len()])
+            })
+            .map_err(Error::Mechanics)?;
+        Ok(used)
+    }
+
     /// The network as a force.
     pub(super) fn force(&self, network: &Mlp<T>) -> Result<LearntForce, Error> {
         LearntForce::new(
@@ -337,6 +323,42 @@ impl<'a, T: Real> Session<'a, T> {
         )
         .map_err(|e| Error::io("the network".as_ref(), std::io::Error::other(e)))
     }
+}
+
+/// The windows that are learnt from, or those held out.
+#[derive(Clone, Copy)]
+enum Part {
+    Seen,
+    HeldOut,
+}
+
+/// What is done with the windows of a chunk.
+type Work<T> =
+    fn(&mut Chunk<T>, &Setting<'_>, &Learner<T>, &[Member<'_>]) -> Result<(), lagrange::Error>;
+
+/// The loss and its gradients.
+fn forth_and_back<T: Real>(
+    chunk: &mut Chunk<T>,
+    setting: &Setting<'_>,
+    learner: &Learner<T>,
+    members: &[Member<'_>],
+) -> Result<(), lagrange::Error> {
+    chunk.forward(setting, learner, members)?;
+    chunk.backward(setting, learner, members);
+    Ok(())
+}
+
+/// The same with what the steps of the starts need.
+fn forth_and_back_with_starts<T: Real>(
+    chunk: &mut Chunk<T>,
+    setting: &Setting<'_>,
+    learner: &Learner<T>,
+    members: &[Member<'_>],
+) -> Result<(), lagrange::Error> {
+    chunk.forward(setting, learner, members)?;
+    chunk.curve(setting, learner, members);
+    chunk.backward(setting, learner, members);
+    Ok(())
 }
 
 /// Adds the second to the first.
