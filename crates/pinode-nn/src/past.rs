@@ -29,7 +29,8 @@ pub(crate) fn states_by_the_past(
     at: &[(usize, usize)],
     options: &Options,
 ) -> Vec<Vec<f64>> {
-    let observations = audit(model, logs, &[]).observations;
+    let audited = audit(model, logs, &[]);
+    let (observations, firsts) = (audited.observations, audited.firsts);
     let hybrid = Hybrid::of(model);
     let theta = hybrid.theta();
     let runs: Vec<_> = logs.iter().flat_map(|log| &log.runs).collect();
@@ -48,12 +49,16 @@ pub(crate) fn states_by_the_past(
     let mut asked = Vec::new();
     let mut states = Vec::new();
     for (index, &(run, sample)) in at.iter().enumerate() {
+        // Before a recording's first sample that counts nothing tells of a state.
+        let Some(last) = sample.checked_sub(firsts[run]) else {
+            continue;
+        };
         let t = &observations.runs[run].t;
-        let first = t[..=sample].partition_point(|t| *t < observations.runs[run].t[sample] - PAST);
-        if sample + 1 - first >= FEWEST {
-            let count = sample + 1 - first;
+        let first = t[..=last].partition_point(|early| *early < t[last] - PAST);
+        let count = last + 1 - first;
+        if count >= FEWEST {
             asked.push((index, Window { run, first, count }));
-            states.push(guesses[run][first].clone());
+            states.push(guesses[run][first + firsts[run]].clone());
         }
     }
     // What effects with a memory remember is theirs: the fit leaves it.
@@ -186,6 +191,53 @@ mod tests {
         // A difference of two readings has 70 mrad/s.
         let difference = NOISE * 2.0_f64.sqrt() / 0.02;
         assert!(square(1) < 0.1 * difference, "{}", square(1));
+    }
+
+    /// Two recordings of a mass that a held force moves only after a dead start of 0.6 s: x, and v = F (t − 0.6)/m then.
+    #[test]
+    fn a_dead_start_does_not_shift_the_states_after_it() {
+        let text = r#"
+            name = "mass"
+            [lagrangian]
+            coordinates = ["x"]
+            kinetic = "0.5*2*x_dot^2"
+            potential = "0"
+            [[input]]
+            name = "push"
+            joint = "x"
+            [sensor.x]
+            position_noise = 1e-4
+            velocity = "none"
+        "#;
+        let model = Model::parse("mass.toml".as_ref(), text.to_owned()).unwrap();
+        let mut rng = ChaCha8Rng::seed_from_u64(2);
+        let (h, dead, rows) = (0.02, 30, 200);
+        let mut log = "t,q.x,u.push,run\n".to_owned();
+        for run in 0..2 {
+            for k in 0..rows {
+                let noise: f64 = rng.sample(StandardNormal);
+                let moved = h * (k as f64 - dead as f64).max(0.0);
+                let x = 0.5 * 1.5 * moved.powi(2);
+                log += &format!("{},{},3,{run}\n", h * k as f64, x + 1e-4 * noise);
+            }
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.csv");
+        std::fs::write(&path, log).unwrap();
+        let log = Log::read(&path, &model).unwrap();
+        let firsts = audit(&model, std::slice::from_ref(&log), &[]).firsts;
+        assert!(
+            firsts.iter().all(|first| (dead..dead + 10).contains(first)),
+            "{firsts:?}"
+        );
+        let at = [(0, 60), (1, 199), (0, 2)];
+        let states = states_by_the_past(&model, &[log], &at, &Options::default());
+        for (state, (_, k)) in states.iter().zip(&at[..2]) {
+            let moved = h * (k - dead) as f64;
+            assert!((state[0] - 0.75 * moved.powi(2)).abs() < 3e-4, "{state:?}");
+            assert!((state[1] - 1.5 * moved).abs() < 3e-3, "{state:?}");
+        }
+        assert!(states[2][0].abs() < 1e-3, "{:?}", states[2]);
     }
 
     #[test]

@@ -357,6 +357,7 @@ impl Cleaned {
             observations,
             faults,
             masked,
+            ..
         } = audited;
         let prepared = prepare(model, observations, fit_runs, &masked, means)?;
         let mut cleaned = Cleaned {

@@ -101,7 +101,13 @@ impl Recordings {
             .max(1.0) as usize;
         let mut recordings = Recordings {
             loss: loss(&hybrid, &observations, options),
-            targets: targets(model, logs, held_out, &observations, options),
+            targets: targets(
+                model,
+                logs,
+                held_out,
+                (&observations, &audited.firsts),
+                options,
+            ),
             inputs: Vec::new(),
             hybrid,
             given: theta.clone(),
@@ -400,18 +406,20 @@ fn targets(
     model: &Model,
     logs: &[Log],
     held_out: &[Log],
-    observations: &Observations,
+    (observations, firsts): (&Observations, &[usize]),
     options: &Options,
 ) -> Vec<Target> {
     let runs = logs.iter().chain(held_out).flat_map(|log| &log.runs);
     let n = model.sensors.len();
     runs.zip(&observations.runs)
-        .map(|(run, observed)| {
-            let zeroed = |c: usize| run.q[c].iter().map(|q| q - model.sensors[c].zero).collect();
-            let rows = run.len();
-            let v: Vec<Vec<f64>> = (0..n)
-                .map(|c| run.v[c].clone().unwrap_or_default())
-                .collect();
+        .zip(firsts)
+        .map(|((run, observed), &first)| {
+            let read: Vec<Vec<f64>> = run.q.iter().map(|q| q[first..].to_vec()).collect();
+            let zeroed = |c: usize| read[c].iter().map(|q| q - model.sensors[c].zero).collect();
+            let rows = run.len() - first;
+            let column =
+                |v: &Option<Vec<f64>>| v.as_ref().map_or(Vec::new(), |v| v[first..].to_vec());
+            let v: Vec<Vec<f64>> = run.v.iter().map(column).collect();
             let all = |column: &Vec<f64>| vec![!column.is_empty(); rows];
             let paper = options.start != Start::Fitted;
             let mut valid = [vec![vec![true; rows]; n], v.iter().map(all).collect()];
@@ -421,8 +429,8 @@ fn targets(
                 }
             }
             Target {
-                read: run.q.clone(),
                 q: (0..n).map(zeroed).collect(),
+                read,
                 v,
                 valid,
             }

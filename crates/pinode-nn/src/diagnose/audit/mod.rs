@@ -39,8 +39,10 @@ const OFTEN_HELD: f64 = 0.01;
 /// What a log is seen to hold.
 #[derive(Debug, Clone)]
 pub struct Audited {
-    /// What was measured. Samples that are faulty by themselves do not count.
+    /// What was measured. Samples that are faulty by themselves do not count; those before a recording's first that counts are not there.
     pub observations: Observations,
+    /// The first sample of each recording that counts.
+    pub firsts: Vec<usize>,
     /// The faults.
     pub faults: Vec<DataFault>,
     /// Stretches that no window may touch.
@@ -224,6 +226,7 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
         .collect();
     Audited {
         observations: Observations { channels, runs },
+        firsts: starts,
         faults,
         masked,
     }
