@@ -1,5 +1,6 @@
 //! Writing files whole or not at all; fingerprints.
 
+use std::ffi::OsStr;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
@@ -69,4 +70,36 @@ pub(crate) fn sha256(bytes: &[u8]) -> String {
             let _ = write!(out, "{byte:02x}"); // writing to a String cannot fail
             out
         })
+}
+
+/// Puts `bytes` into `dir` under the name that `path` has, and returns the name; where another file has it, part of the hash is added.
+pub(crate) fn copy_beside(path: &Path, bytes: &[u8], dir: &Path) -> Result<String, Error> {
+    let part =
+        |part: Option<&OsStr>| part.map_or("robot".into(), |p| p.to_string_lossy().into_owned());
+    let name = part(path.file_name());
+    if holds(&dir.join(&name), bytes)? {
+        return Ok(name);
+    }
+    if !dir.join(&name).exists() {
+        write_atomically(&dir.join(&name), bytes)?;
+        return Ok(name);
+    }
+    let hash = sha256(bytes);
+    let short = hash.get(..12).unwrap_or(&hash);
+    let (stem, ending) = (part(path.file_stem()), path.extension());
+    let ending = ending.map_or("urdf".into(), |e| e.to_string_lossy().into_owned());
+    let name = format!("{stem}-{short}.{ending}");
+    if !holds(&dir.join(&name), bytes)? {
+        write_atomically(&dir.join(&name), bytes)?;
+    }
+    Ok(name)
+}
+
+/// Whether the file at `path` is there and holds `bytes`.
+fn holds(path: &Path, expected: &[u8]) -> Result<bool, Error> {
+    match std::fs::read(path) {
+        Ok(bytes) => Ok(bytes == expected),
+        Err(e) if e.kind() == ErrorKind::NotFound => Ok(false),
+        Err(e) => Err(Error::io(path, e)),
+    }
 }

@@ -60,7 +60,7 @@ fn said(errors: Errors) -> RegionErrors {
 fn large(residual: &ResidualForce) -> Option<Vec<[f64; 2]>> {
     const BINS: usize = 12;
     let values = &residual.best_signal.2;
-    let bin = super::bins::binned(values, BINS);
+    let bin = crate::bins::binned(values, BINS);
     let mut bins = [(0.0, 0_usize, [f64::INFINITY, f64::NEG_INFINITY]); BINS];
     for ((&b, f), v) in bin.iter().zip(&residual.force).zip(values) {
         let (square, n, range) = &mut bins[b];

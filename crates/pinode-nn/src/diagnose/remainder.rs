@@ -224,8 +224,8 @@ fn gains(windows: &[(DMatrix<f64>, DVector<f64>)]) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::bins::pseudo;
     use super::*;
+    use crate::bins::pseudo;
 
     /// Scores e = D c + noise of the size that D says.
     fn windows(c: [f64; 2]) -> Vec<(DMatrix<f64>, DVector<f64>)> {

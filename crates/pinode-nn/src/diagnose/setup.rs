@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::Means;
-use super::audit::{Masked, excitation, median};
+use super::audit::{Masked, excitation};
 use super::numerics::{STEP_ERROR, step_error};
 use super::smooth::{Smoothed, smooth};
 use super::study::{Fitted, MOST_SUBSTEPS, Start, Study};
@@ -101,12 +101,7 @@ pub fn prepare(
         &windows.fit,
         &names,
     );
-    let mut intervals: Vec<f64> = observations
-        .runs
-        .iter()
-        .flat_map(|run| run.t.windows(2).map(|p| p[1] - p[0]))
-        .collect();
-    let interval = median(&mut intervals);
+    let interval = observations.typical_interval();
     let coarsest = match hybrid.is_stiff() {
         true => STIFF_STEP,
         false => COARSEST_STEP,

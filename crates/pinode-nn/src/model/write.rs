@@ -7,7 +7,7 @@ use toml_edit::{ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike,
 
 use super::{EffectEntry, Model, Target, networks};
 use crate::Error;
-use crate::disk::write_atomically;
+use crate::disk::{copy_beside, write_atomically};
 use crate::effect::{LeftOut, ParameterSpec};
 
 /// New numbers and effects for a [`Model`].
@@ -407,37 +407,4 @@ fn array_of_tables<'a>(document: &'a mut DocumentMut, key: &str) -> Option<&'a m
         *item = Item::ArrayOfTables(tables);
     }
     item.as_array_of_tables_mut()
-}
-
-/// Puts what stands at `path` into `dir` and returns its name there.
-fn copy_beside(path: &Path, bytes: &[u8], dir: &Path) -> Result<String, Error> {
-    let part = |part: Option<&std::ffi::OsStr>| {
-        part.map_or("robot".into(), |p| p.to_string_lossy().into_owned())
-    };
-    let name = part(path.file_name());
-    if holds(&dir.join(&name), bytes)? {
-        return Ok(name);
-    }
-    if !dir.join(&name).exists() {
-        write_atomically(&dir.join(&name), bytes)?;
-        return Ok(name);
-    }
-    let hash = crate::disk::sha256(bytes);
-    let short = hash.get(..12).unwrap_or(&hash);
-    let (stem, ending) = (part(path.file_stem()), path.extension());
-    let ending = ending.map_or("urdf".into(), |e| e.to_string_lossy().into_owned());
-    let name = format!("{stem}-{short}.{ending}");
-    if !holds(&dir.join(&name), bytes)? {
-        write_atomically(&dir.join(&name), bytes)?;
-    }
-    Ok(name)
-}
-
-/// Whether the file at `path` is there and holds `bytes`.
-fn holds(path: &Path, expected: &[u8]) -> Result<bool, Error> {
-    match std::fs::read(path) {
-        Ok(bytes) => Ok(bytes == expected),
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(false),
-        Err(e) => Err(Error::io(path, e)),
-    }
 }

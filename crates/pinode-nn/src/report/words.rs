@@ -2,6 +2,8 @@
 
 use crate::diagnose::audit::contradicts;
 use crate::diagnose::verdict::{Diagnosis, Gap, NamedEffect, ParameterValue, Verdict};
+pub use crate::digits::number;
+use crate::digits::{exponent, fixed, is_plain, power};
 
 /// A name of the library without its underscores: `coulomb_friction` is "Coulomb friction".
 pub fn plain(name: &str) -> String {
@@ -18,25 +20,6 @@ pub fn plain(name: &str) -> String {
     match words.join(" ").as_str() {
         "unknown" => "unknown effect".to_owned(),
         words => words.to_owned(),
-    }
-}
-
-/// Three significant digits.
-pub fn number(x: f64) -> String {
-    if x.is_nan() {
-        return "–".to_owned();
-    }
-    if x.is_infinite() {
-        return if x > 0.0 { "∞" } else { "-∞" }.to_owned();
-    }
-    if x == 0.0 {
-        return "0".to_owned();
-    }
-    let exponent = exponent(x, 2);
-    if is_plain(exponent) {
-        fixed(x, 2 - exponent)
-    } else {
-        format!("{}{}", fixed(x / 10f64.powi(exponent), 2), power(exponent))
     }
 }
 
@@ -237,59 +220,16 @@ pub fn capital(words: &str) -> String {
     }
 }
 
-/// Power of ten of `x` rounded to `digits` decimals of its mantissa; 0 for 0.
-fn exponent(x: f64, digits: usize) -> i32 {
-    let scientific = format!("{x:.digits$e}");
-    let exponent = scientific.split('e').nth(1);
-    exponent.and_then(|e| e.parse().ok()).unwrap_or(0)
-}
-
-/// Whether a number of this size is written out.
-fn is_plain(exponent: i32) -> bool {
-    (-3..6).contains(&exponent)
-}
-
-fn fixed(x: f64, decimals: i32) -> String {
-    format!("{x:.*}", usize::try_from(decimals).unwrap_or(0))
-}
-
-/// `×10⁻⁵`.
-fn power(exponent: i32) -> String {
-    let digits = exponent.to_string();
-    let raised = digits.chars().map(|c| match c {
-        '-' => '⁻',
-        '1' => '¹',
-        '2' => '²',
-        '3' => '³',
-        '4' => '⁴',
-        '5' => '⁵',
-        '6' => '⁶',
-        '7' => '⁷',
-        '8' => '⁸',
-        '9' => '⁹',
-        _ => '⁰',
-    });
-    "×10".chars().chain(raised).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn numbers_have_three_digits() {
-        assert_eq!(number(0.314159), "0.314");
-        assert_eq!(number(9.999), "10.0");
-        assert_eq!(number(-12.34), "-12.3");
-        assert_eq!(number(123456.0), "123456");
-        assert_eq!(number(1.234e-5), "1.23×10⁻⁵");
-        assert_eq!(number(0.0), "0");
+    fn what_was_set_has_no_zeros_at_its_end() {
         assert_eq!(
             (short(0.6), short(2.0), short(200.0)),
             ("0.6".into(), "2".into(), "200".into())
         );
-        assert_eq!(number(f64::NAN), "–");
-        assert_eq!(number(f64::INFINITY), "∞");
     }
 
     #[test]

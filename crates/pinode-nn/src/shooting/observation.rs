@@ -70,6 +70,16 @@ pub struct Observations {
 }
 
 impl Observations {
+    /// The median time between two samples, s; 0 without two.
+    pub fn typical_interval(&self) -> f64 {
+        let runs = self.runs.iter();
+        let mut intervals: Vec<f64> = runs
+            .flat_map(|run| run.t.windows(2).map(|p| p[1] - p[0]))
+            .collect();
+        intervals.sort_by(f64::total_cmp);
+        intervals.get(intervals.len() / 2).copied().unwrap_or(0.0)
+    }
+
     /// Every so many samples of each recording that they are about `interval` s apart, never closer than they were; the input between
     /// two of them is the mean of what was held.
     pub fn thinned(&self, interval: f64) -> Self {

@@ -55,7 +55,7 @@ pub fn explained_by(force: &[f64], signals: &[&[f64]], bins: usize) -> f64 {
 
 /// Numbers between −1 and 1 without an order, for tests.
 #[cfg(test)]
-pub(super) fn pseudo(k: usize, salt: f64) -> f64 {
+pub(crate) fn pseudo(k: usize, salt: f64) -> f64 {
     let x = ((k as f64 + salt) * 12.9898).sin() * 43758.5453;
     2.0 * (x - x.floor()) - 1.0
 }

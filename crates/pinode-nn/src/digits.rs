@@ -1,0 +1,73 @@
+//! Numbers with as many digits as they deserve.
+
+/// Three significant digits.
+pub fn number(x: f64) -> String {
+    if x.is_nan() {
+        return "–".to_owned();
+    }
+    if x.is_infinite() {
+        return if x > 0.0 { "∞" } else { "-∞" }.to_owned();
+    }
+    if x == 0.0 {
+        return "0".to_owned();
+    }
+    let exponent = exponent(x, 2);
+    if is_plain(exponent) {
+        fixed(x, 2 - exponent)
+    } else {
+        format!("{}{}", fixed(x / 10f64.powi(exponent), 2), power(exponent))
+    }
+}
+
+/// Power of ten of `x` rounded to `digits` decimals of its mantissa; 0 for 0.
+pub fn exponent(x: f64, digits: usize) -> i32 {
+    let scientific = format!("{x:.digits$e}");
+    let exponent = scientific.split('e').nth(1);
+    exponent.and_then(|e| e.parse().ok()).unwrap_or(0)
+}
+
+/// Whether a number of this size is written out.
+pub fn is_plain(exponent: i32) -> bool {
+    (-3..6).contains(&exponent)
+}
+
+/// So many decimals; none below 0.
+pub fn fixed(x: f64, decimals: i32) -> String {
+    format!("{x:.*}", usize::try_from(decimals).unwrap_or(0))
+}
+
+/// `×10⁻⁵`.
+pub fn power(exponent: i32) -> String {
+    let digits = exponent.to_string();
+    let raised = digits.chars().map(|c| match c {
+        '-' => '⁻',
+        '1' => '¹',
+        '2' => '²',
+        '3' => '³',
+        '4' => '⁴',
+        '5' => '⁵',
+        '6' => '⁶',
+        '7' => '⁷',
+        '8' => '⁸',
+        '9' => '⁹',
+        _ => '⁰',
+    });
+    "×10".chars().chain(raised).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_three_digits() {
+        assert_eq!(number(0.314159), "0.314");
+        assert_eq!(number(9.999), "10.0");
+        assert_eq!(number(-12.34), "-12.3");
+        assert_eq!(number(123456.0), "123456");
+        assert_eq!(number(1.234e-5), "1.23×10⁻⁵");
+        assert_eq!(number(0.0), "0");
+        assert_eq!(number(f64::NAN), "–");
+        assert_eq!(number(f64::INFINITY), "∞");
+    }
+}
