@@ -2,12 +2,17 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::path::Path;
+use std::sync::Arc;
 
 use integrators::{Differentiable, Gradient, Jacobian, Space, System};
 use pinode_nn::effect::{ActsOn, default_smoothing, registry};
 use pinode_nn::hybrid::{ConstantId, Hybrid, HybridMotion, Placed};
+use pinode_nn::learnt::{Feature, LearntForce, Output, Quantity};
 use pinode_nn::model::Model;
+use pinode_nn::network::{Activation, Mlp, Shape};
 use pinode_nn::shooting::{Roller, Trajectory};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 
 const SUBSTEPS: usize = 4;
 
@@ -69,10 +74,32 @@ fn with_every_effect(transmission: &str) -> Hybrid {
         };
         hybrid.add(placed, values, false);
     }
+    hybrid.add_open_network(Arc::new(learnt()), f64::INFINITY);
     for constant in hybrid.constants_mut() {
         constant.tolerance = f64::INFINITY;
     }
     hybrid
+}
+
+/// A network that sees a position, an angle's cosine, a velocity and an input and acts on both coordinates.
+fn learnt() -> LearntForce {
+    let feature = |quantity, offset, width| Feature {
+        quantity,
+        offset,
+        width,
+        range: [-1.0, 1.0],
+    };
+    let features = vec![
+        feature(Quantity::Position(0), 0.02, 0.1),
+        feature(Quantity::Cosine(1), 0.0, 1.0),
+        feature(Quantity::Velocity(1), -0.5, 3.0),
+        feature(Quantity::Input { input: 0, back: 1 }, 0.1, 2.0),
+    ];
+    let shape = Shape::new(&[4, 5, 2], Activation::Tanh, Activation::Identity).unwrap();
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let network = Mlp::xavier(shape, &mut rng);
+    let outputs = [(0, 0.3), (1, 0.01)].map(|(coordinate, scale)| Output { coordinate, scale });
+    LearntForce::new(network, features, outputs.to_vec(), false).unwrap()
 }
 
 /// (q, v, h) with what the effects remember of before.

@@ -127,7 +127,7 @@ impl Hybrid {
             }
         });
         sums(force, driven, added);
-        self.network_parts_of_eight(x, at, networks, |v, by, part| {
+        self.network_parts_of_eight(x, theta, at, networks, |v, by, part| {
             let column = match by {
                 By::Value => return add(&mut force[v], part),
                 By::Position(i) => Some(i),
@@ -262,7 +262,7 @@ impl Hybrid {
         self.drive_eight(at, driven, |_, _, _, _| {});
         let (force, hidden) = rates.split_at_mut(n);
         sums(force, driven, added);
-        self.add_networks_of_eight(x, at, networks, force);
+        self.add_networks_of_eight(x, theta, at, networks, force);
         hidden.fill([0.0; LANES]);
         for (index, effect) in self.effects.iter().enumerate() {
             let p = &theta[self.ranges[index].clone()];

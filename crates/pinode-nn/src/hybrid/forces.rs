@@ -91,7 +91,8 @@ impl Hybrid {
         } = memory;
         self.drive_directly(inputs, step, driven);
         acceleration.copy_from(driven);
-        self.add_networks(state, inputs, step, networks, acceleration.as_mut_slice());
+        let at = (inputs, step);
+        self.add_networks(state, theta, at, networks, acceleration.as_mut_slice());
         for (index, effect) in self.effects.iter().enumerate() {
             let p = &theta[self.ranges[index].clone()];
             let smoothing = effect.smoothing;

@@ -6,7 +6,7 @@
 //! the states of those with a memory. A state of the model is x = (q, v, h), h effect after effect.
 //! M, C and G are those of the mechanics and of the effects that change it, see [`Inertial`].
 //! What can be estimated is one vector θ of [`Constant`]s: the constants of the mechanics, the input gains, the zeros of the
-//! sensors, and the parameters of the effects, in this order.
+//! sensors, the parameters of the effects, and those of networks that are open to fits.
 
 mod contacts;
 mod dynamics;
@@ -75,6 +75,8 @@ pub enum ConstantId {
     Zero(usize),
     /// Parameter of an effect: which effect, which parameter.
     Effect(usize, usize),
+    /// Parameter of a network that is open to fits: which network, which parameter.
+    Network(usize, usize),
 }
 
 /// An effect in place.
@@ -120,6 +122,8 @@ pub struct Hybrid {
     carried: Vec<bool>,
     /// What was learnt of Q.
     networks: Vec<Arc<LearntForce>>,
+    /// Where the parameters of each network lie in θ, of those that are open to fits.
+    open: Vec<Option<Range<usize>>>,
     constants: Vec<Constant>,
     /// The mechanisms that effects add, of a model made of rigid bodies.
     variants: Option<Arc<Variants>>,
@@ -325,6 +329,7 @@ impl Hybrid {
             mechanics,
             carried: vec![false; input_coordinates.len()],
             networks: Vec::new(),
+            open: Vec::new(),
             between: vec![Between::Held; input_coordinates.len()],
             input_coordinates,
             effects: Vec::new(),
@@ -380,6 +385,34 @@ impl Hybrid {
             self.leave_to_network(&joints);
         }
         self.networks.push(force);
+        self.open.push(None);
+    }
+
+    /// Adds a learnt force whose parameters are entries of θ, around what they are with this standard deviation.
+    pub fn add_open_network(&mut self, force: Arc<LearntForce>, tolerance: f64) {
+        let index = self.networks.len();
+        let parameters = force.network().parameters().iter().enumerate();
+        let first = self.constants.len();
+        self.constants
+            .extend(parameters.map(|(k, &value)| Constant {
+                id: ConstantId::Network(index, k),
+                value,
+                lower: f64::NEG_INFINITY,
+                upper: f64::INFINITY,
+                tolerance,
+            }));
+        self.add_network(force);
+        self.open[index] = Some(first..self.constants.len());
+    }
+
+    /// The learnt forces with the parameters that open ones have at θ.
+    pub fn networks_at(&self, theta: &[f64]) -> Vec<Arc<LearntForce>> {
+        let own = self.networks.iter().zip(&self.open);
+        own.map(|(network, open)| match open {
+            Some(range) => Arc::new(network.with_parameters(&theta[range.clone()])),
+            None => network.clone(),
+        })
+        .collect()
     }
 
     /// Inputs of these coordinates do not act by themselves any more: a network stands for all of Q there.
@@ -407,6 +440,7 @@ impl Hybrid {
             state_ranges: Vec::new(),
             carried: vec![false; self.carried.len()],
             networks: Vec::new(),
+            open: Vec::new(),
             space: Product {
                 second: Flat::new(0),
                 ..self.space.clone()
@@ -423,8 +457,16 @@ impl Hybrid {
                 rest.add(*effect, &values, fixed);
             }
         }
-        for network in &self.networks {
-            rest.add_network(network.clone());
+        for (network, open) in self.networks.iter().zip(&self.open) {
+            match open {
+                Some(range) => {
+                    let own = &self.constants[range.clone()];
+                    let values: Vec<f64> = own.iter().map(|c| c.value).collect();
+                    let tolerance = own.first().map_or(0.0, |c| c.tolerance);
+                    rest.add_open_network(Arc::new(network.with_parameters(&values)), tolerance);
+                }
+                None => rest.add_network(network.clone()),
+            }
         }
         rest
     }
@@ -622,6 +664,7 @@ impl Hybrid {
                 let on = self.target_name(kind, target, inputs);
                 format!("{} of {} on `{on}`", kind.parameters[k].name, kind.name)
             }
+            ConstantId::Network(_, k) => format!("parameter {k} of a network"),
         }
     }
 

@@ -4,7 +4,7 @@ use lagrange::LANES;
 
 use super::forces::{By, Of};
 use super::{DrivenInputs, Eight, Hybrid, Lane, State};
-use crate::learnt::{Room, Seen, Sight};
+use crate::learnt::{In, Room, Seen, Sight};
 use crate::network::Processor;
 
 /// Memory of one thread for all networks of a model.
@@ -15,6 +15,26 @@ pub(super) struct NetworkMemory {
 }
 
 impl Hybrid {
+    /// The parameters of open networks, from θ.
+    fn load_networks(&self, theta: &[f64], memory: &mut NetworkMemory) {
+        for ((network, own), room) in self.networks.iter().zip(&self.open).zip(&mut memory.rooms) {
+            if let Some(range) = own {
+                network.load(&theta[range.clone()], room);
+            }
+        }
+    }
+
+    /// What a network is derived in, as an entry of what the model is.
+    fn in_what(&self, network: usize, what: In) -> By {
+        match what {
+            In::Sight(sight) => sight.into(),
+            In::Parameter(k) => {
+                let first = self.open.get(network).and_then(Option::as_ref);
+                By::Constant(first.map_or(usize::MAX, |range| range.start + k))
+            }
+        }
+    }
+
     pub(super) fn network_memory(&self) -> NetworkMemory {
         let x = match self.networks.is_empty() {
             true => 0,
@@ -48,14 +68,15 @@ impl Hybrid {
     pub(super) fn add_networks(
         &self,
         state: State<'_>,
-        inputs: &DrivenInputs,
-        step: usize,
+        theta: &[f64],
+        (inputs, step): (&DrivenInputs, usize),
         memory: &mut NetworkMemory,
         q: &mut [f64],
     ) {
         if self.networks.is_empty() {
             return;
         }
+        self.load_networks(theta, memory);
         let numbers = state.q.iter().chain(state.v);
         for (to, &from) in memory.x.iter_mut().zip(numbers) {
             *to = [from; LANES];
@@ -78,9 +99,9 @@ impl Hybrid {
             return;
         }
         let at = self.seen_of_one(inputs, step);
-        for (network, room) in self.networks.iter().zip(&mut memory.rooms) {
+        for (index, (network, room)) in self.networks.iter().zip(&mut memory.rooms).enumerate() {
             network.derivatives(&memory.x, &at, room, |v, by, part| {
-                add(Of::Force(v), by.into(), part);
+                add(Of::Force(v), self.in_what(index, by), part);
             });
         }
     }
@@ -89,10 +110,12 @@ impl Hybrid {
     pub(super) fn add_networks_of_eight(
         &self,
         x: &[Lane],
+        theta: &[f64],
         at: &Eight<'_>,
         memory: &mut NetworkMemory,
         q: &mut [Lane],
     ) {
+        self.load_networks(theta, memory);
         let at = self.seen_of_eight(at);
         for (network, room) in self.networks.iter().zip(&mut memory.rooms) {
             network.force_of_eight(x, &at, room, |v, force| {
@@ -107,14 +130,18 @@ impl Hybrid {
     pub(super) fn network_parts_of_eight(
         &self,
         x: &[Lane],
+        theta: &[f64],
         at: &Eight<'_>,
         memory: &mut NetworkMemory,
         mut add: impl FnMut(usize, By, &Lane),
     ) {
+        self.load_networks(theta, memory);
         let at = self.seen_of_eight(at);
-        for (network, room) in self.networks.iter().zip(&mut memory.rooms) {
+        for (index, (network, room)) in self.networks.iter().zip(&mut memory.rooms).enumerate() {
             network.force_of_eight(x, &at, room, |v, force| add(v, By::Value, force));
-            network.derivatives_of_eight(x, &at, room, |v, by, part| add(v, by.into(), part));
+            network.derivatives_of_eight(x, &at, room, |v, by, part| {
+                add(v, self.in_what(index, by), part)
+            });
         }
     }
 }

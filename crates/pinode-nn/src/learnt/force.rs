@@ -129,16 +129,31 @@ impl LearntForce {
         scaled
     }
 
+    /// The same force with other parameters of the network, as many as it has.
+    #[must_use]
+    pub(crate) fn with_parameters(&self, parameters: &[f64]) -> Self {
+        let mut other = self.clone();
+        other.network.parameters_mut().copy_from_slice(parameters);
+        other
+    }
+
     /// Memory for one thread.
     pub(crate) fn room(&self) -> Room {
         let zeros = |n: usize| vec![[0.0; LANES]; n];
         Room {
+            own: None,
             single: Single::default(),
             tape: Tape::new(self.network.shape(), LANES, 1),
             point: Vec::new(),
             z: zeros(self.features.len()),
             by_z: zeros(self.features.len()),
         }
+    }
+
+    /// From here on these are the parameters of the network in `room`, and derivatives are taken in them, too.
+    pub(crate) fn load(&self, parameters: &[f64], room: &mut Room) {
+        let own = room.own.get_or_insert_with(|| self.network.clone());
+        own.parameters_mut().copy_from_slice(parameters);
     }
 
     /// Q of the network in one state, entry after entry to `add` with its place in v.
@@ -152,7 +167,8 @@ impl LearntForce {
         see(&self.features, x, at, &mut room.z);
         room.point.clear();
         room.point.extend(room.z.iter().map(|z| z[0]));
-        let y = room.single.evaluate(&self.network, &room.point);
+        let network = room.own.as_ref().unwrap_or(&self.network);
+        let y = room.single.evaluate(network, &room.point);
         for (output, y) in self.outputs.iter().zip(y) {
             add(at.starts[output.coordinate].v, output.scale * y);
         }
@@ -164,17 +180,22 @@ impl LearntForce {
         x: &[Lane],
         at: &Seen<'_>,
         room: &mut Room,
-        mut add: impl FnMut(usize, Sight, f64),
+        mut add: impl FnMut(usize, In, f64),
     ) {
         for (o, output) in self.outputs.iter().enumerate() {
-            let gradient = room.single.gradient(&self.network, o);
+            let v = at.starts[output.coordinate].v;
+            let gradient = match &room.own {
+                Some(own) => room.single.gradients(own, o, |k, gradient| {
+                    add(v, In::Parameter(k), output.scale * gradient);
+                }),
+                None => room.single.gradient(&self.network, o),
+            };
             for (by_z, gradient) in room.by_z.iter_mut().zip(gradient) {
                 *by_z = [0.0; LANES];
                 by_z[0] = output.scale * gradient;
             }
-            let v = at.starts[output.coordinate].v;
             chain(&self.features, x, at, &room.by_z, |by, part| {
-                add(v, by, part[0])
+                add(v, In::Sight(by), part[0])
             });
         }
     }
@@ -191,7 +212,8 @@ impl LearntForce {
         for (k, z) in room.z.iter().enumerate() {
             *room.tape.input_mut(0, k, 0) = *z;
         }
-        self.network.forward(&mut room.tape, 0);
+        let network = room.own.as_ref().unwrap_or(&self.network);
+        network.forward(&mut room.tape, 0);
         for (o, output) in self.outputs.iter().enumerate() {
             let force = room.tape.output(0, o, 0).map(|y| output.scale * y);
             add(at.starts[output.coordinate].v, &force);
@@ -204,27 +226,42 @@ impl LearntForce {
         x: &[Lane],
         at: &Seen<'_>,
         room: &mut Room,
-        mut add: impl FnMut(usize, Sight, &Lane),
+        mut add: impl FnMut(usize, In, &Lane),
     ) {
+        let network = room.own.as_ref().unwrap_or(&self.network);
         for (o, output) in self.outputs.iter().enumerate() {
             for other in 0..self.outputs.len() {
                 let seed = if other == o { output.scale } else { 0.0 };
                 *room.tape.seed_mut(0, other, 0) = [seed; LANES];
             }
-            self.network.backward(&mut room.tape, 0);
+            network.backward(&mut room.tape, 0);
             for (k, by_z) in room.by_z.iter_mut().enumerate() {
                 *by_z = *room.tape.input_gradient(0, k, 0);
             }
             let v = at.starts[output.coordinate].v;
             chain(&self.features, x, at, &room.by_z, |by, part| {
-                add(v, by, &part)
+                add(v, In::Sight(by), &part)
             });
+            if room.own.is_some() {
+                network.each_gradient(&room.tape, 0, 0, |k, part| add(v, In::Parameter(k), part));
+            }
         }
     }
 }
 
+/// What a learnt force is derived in.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum In {
+    /// What it sees.
+    Sight(Sight),
+    /// A parameter of the network.
+    Parameter(usize),
+}
+
 /// Memory of one thread for a learnt force.
 pub(crate) struct Room {
+    /// The network with parameters that are not its own.
+    own: Option<Mlp<f64>>,
     single: Single,
     tape: Tape<f64>,
     point: Vec<f64>,

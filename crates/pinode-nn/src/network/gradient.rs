@@ -7,7 +7,7 @@ use pulp::{Simd, WithSimd};
 use super::kernel::check;
 use super::mlp::Mlp;
 use super::real::{Real, row, vectors};
-use super::tape::{Row, Tape};
+use super::tape::{GROUP, Row, Tape};
 
 /// Bytes of values and adjoints that are gone through together: every tile reads them, so they have to stay in the second cache.
 const BLOCK: usize = 512 * 1024;
@@ -32,6 +32,35 @@ impl<T: Real> Mlp<T> {
             slots,
             gradient,
         });
+    }
+}
+
+impl<T: Real> Mlp<T> {
+    /// ∂J/∂parameters of each state of `group` in `slot` by itself, parameter after parameter to `each`; after [`backward`](Self::backward).
+    ///
+    /// # Panics
+    ///
+    /// If the tape is of another shape or has no such slot or group.
+    pub fn each_gradient(
+        &self,
+        tape: &Tape<T>,
+        slot: usize,
+        group: usize,
+        mut each: impl FnMut(usize, &[T; GROUP]),
+    ) {
+        check(self.shape(), tape, slot);
+        for (index, layer) in self.shape().layers().enumerate() {
+            for output in 0..layer.outputs {
+                let delta = tape.delta(slot, index + 1, output, group);
+                for input in 0..layer.inputs {
+                    let x = tape.value(slot, index, input, group);
+                    let both =
+                        std::array::from_fn(|k| T::from_f64(delta[k].to_f64() * x[k].to_f64()));
+                    each(layer.weights + output * layer.inputs + input, &both);
+                }
+                each(layer.biases + output, delta);
+            }
+        }
     }
 }
 

@@ -44,6 +44,16 @@ impl Single {
 
     /// ∂y_o/∂z of output `o` where the network was evaluated last, one number an input.
     pub fn gradient(&mut self, network: &Mlp<f64>, o: usize) -> &[f64] {
+        self.gradients(network, o, |_, _| {})
+    }
+
+    /// The same, with ∂y_o/∂ of every parameter to `each`, by its index.
+    pub fn gradients(
+        &mut self,
+        network: &Mlp<f64>,
+        o: usize,
+        mut each: impl FnMut(usize, f64),
+    ) -> &[f64] {
         let parameters = network.parameters();
         let last = self.starts[self.starts.len() - 1];
         self.adjoint.clear();
@@ -59,8 +69,9 @@ impl Single {
             self.before.clear();
             self.before.resize(layer.inputs, 0.0);
             let weights = &parameters[layer.weights..layer.biases];
-            let rows = weights.chunks_exact(layer.inputs);
-            for ((row, &y), adjoint) in rows.zip(values).zip(&self.adjoint) {
+            let rows = weights.chunks_exact(layer.inputs).enumerate();
+            let inputs = &self.values[self.starts[k - 1]..start];
+            for (((index, row), &y), adjoint) in rows.zip(values).zip(&self.adjoint) {
                 let slope = match layer.activation {
                     Activation::Identity => 1.0,
                     Activation::Relu => f64::from(u8::from(y > 0.0)),
@@ -70,6 +81,10 @@ impl Single {
                 for (to, weight) in self.before.iter_mut().zip(row) {
                     *to += part * weight;
                 }
+                for (input, x) in inputs.iter().enumerate() {
+                    each(layer.weights + index * layer.inputs + input, part * x);
+                }
+                each(layer.biases + index, part);
             }
             std::mem::swap(&mut self.adjoint, &mut self.before);
             end = start;

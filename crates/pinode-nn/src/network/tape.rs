@@ -99,6 +99,18 @@ impl<T: Real> Tape<T> {
         group_of(&self.deltas[0][at], group)
     }
 
+    /// What layer `layer` puts out in row `row`, 0 the inputs, of the states of `group` in `slot`.
+    pub(super) fn value(&self, slot: usize, layer: usize, row: usize, group: usize) -> &[T; GROUP] {
+        let at = self.place(slot, row, group, self.sizes[layer]);
+        group_of(&self.values[layer][at], group)
+    }
+
+    /// The adjoint of the sums of layer `layer`, from 1, in row `row`.
+    pub(super) fn delta(&self, slot: usize, layer: usize, row: usize, group: usize) -> &[T; GROUP] {
+        let at = self.place(slot, row, group, self.sizes[layer]);
+        group_of(&self.deltas[layer][at], group)
+    }
+
     /// Where row `row` of `rows` is in a layer.
     fn place(&self, slot: usize, row: usize, group: usize, rows: usize) -> usize {
         assert!(

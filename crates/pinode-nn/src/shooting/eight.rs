@@ -298,11 +298,17 @@ mod tests {
     #![allow(clippy::unwrap_used)]
 
     use std::path::Path;
+    use std::sync::Arc;
+
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
 
     use super::*;
     use crate::effect::registry;
     use crate::hybrid::Placed;
+    use crate::learnt::{Feature, LearntForce, Output, Quantity};
     use crate::model::Model;
+    use crate::network::{Activation, Mlp, Shape};
 
     /// The cart-pole with its known friction and more effects: kind, target and parameters of each.
     fn cart_pole_with(effects: &[(&str, usize, &[f64])]) -> Hybrid {
@@ -316,6 +322,26 @@ mod tests {
             };
             hybrid.add(placed, values, false);
         }
+        // And a network that is open to the fit.
+        let feature = |quantity| Feature {
+            quantity,
+            offset: 0.1,
+            width: 2.0,
+            range: [-1.0, 1.0],
+        };
+        let features = vec![
+            feature(Quantity::Velocity(0)),
+            feature(Quantity::Sine(1)),
+            feature(Quantity::Input { input: 0, back: 0 }),
+        ];
+        let shape = Shape::new(&[3, 4, 1], Activation::Tanh, Activation::Identity).unwrap();
+        let network = Mlp::xavier(shape, &mut ChaCha8Rng::seed_from_u64(1));
+        let output = Output {
+            coordinate: 0,
+            scale: 0.5,
+        };
+        let force = LearntForce::new(network, features, vec![output], false).unwrap();
+        hybrid.add_open_network(Arc::new(force), 1.0);
         hybrid
     }
 
