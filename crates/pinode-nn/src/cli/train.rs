@@ -13,6 +13,7 @@ use super::interrupt::Interruptible;
 use crate::Error;
 use crate::disk::write_atomically;
 use crate::learnt::Quantity;
+use crate::learnt::law::Law;
 use crate::log::Log;
 use crate::model::Model;
 use crate::naming::{hint, quoted};
@@ -133,6 +134,8 @@ struct Report<'a> {
     held_out: Option<f64>,
     held_out_without_network: Option<f64>,
     network: &'a crate::learnt::Card,
+    #[serde(skip)]
+    laws: &'a [Law],
     #[serde(skip_serializing_if = "Vec::is_empty")]
     members: Vec<Member>,
 }
@@ -433,6 +436,7 @@ fn report<'a>(
         held_out: best(first).1,
         held_out_without_network: first.without_network,
         network: &first.card,
+        laws: &first.laws,
         members: if count > 1 { all } else { Vec::new() },
     }
 }
@@ -467,6 +471,9 @@ fn text(report: &Report<'_>) -> String {
             number(member.loss),
             number(member.held_out),
         );
+    }
+    for sentence in report.laws.iter().flat_map(Law::sentences) {
+        out += &format!("{sentence}\n");
     }
     out += &format!("written:\n  {}\n", report.model);
     if report.members.is_empty() {

@@ -1,9 +1,11 @@
 //! Learnt forces: networks as a part of Q, what they see of a state, and their files.
 
 mod described;
+mod dictionary;
 mod feature;
 mod force;
 mod guard;
+pub mod law;
 pub mod onnx;
 mod region;
 pub mod weights;
@@ -11,7 +13,7 @@ pub mod weights;
 pub use described::Described;
 pub use feature::{Feature, MOST_BACK, Quantity};
 pub(crate) use feature::{Seen, Sight, SinCos, chain, see};
-pub(crate) use force::Room;
+pub(crate) use force::{In, Room};
 pub use force::{LearntForce, Misfit, Output};
 pub(crate) use guard::Tally;
 pub use guard::{Departure, Guard, Saw};

@@ -46,6 +46,7 @@ pub use session::{Epoch, Session};
 
 use crate::Error;
 use crate::hybrid::{ConstantId, Hybrid};
+use crate::learnt::law::Law;
 use crate::learnt::{Card, LearntForce, Names, Quantity, weights};
 use crate::log::Log;
 use crate::model::{Model, NewNetwork, Revision};
@@ -83,6 +84,8 @@ pub struct Trained {
     pub force: LearntForce,
     /// What its file will say of it.
     pub card: Card,
+    /// What the force is like, one an output; none where it was trained on too few states.
+    pub laws: Vec<Law>,
     /// How the epochs went.
     pub history: Vec<Epoch>,
     /// The epoch whose weights these are.
@@ -285,6 +288,9 @@ fn trained<T: Real>(
             inputs: &inputs,
         },
     );
+    let laws: Vec<Law> = (0..force.outputs().len())
+        .filter_map(|output| Law::of(&force, output, &seen, model))
+        .collect();
     let best_epoch = session.best_epoch();
     let best = session
         .history
@@ -309,6 +315,7 @@ fn trained<T: Real>(
             Start::Fitted => "squares of the sensors' noise, from fitted states; windows beyond ten of it count little more",
         },
         "precision": if options.single { "f32" } else { "f64" },
+        "laws": laws,
         "range": "the features' `range` and the tensor `region` are what the windows that were learnt from cover; outside of it the force was never seen",
     });
     if let serde_json::Value::Object(words) = words {
@@ -318,6 +325,7 @@ fn trained<T: Real>(
         revision: revision(model, &session.recordings.hybrid, &session.best_theta),
         force,
         card,
+        laws,
         history: session.history.clone(),
         best_epoch,
         without_network,
@@ -334,6 +342,7 @@ fn revision(model: &Model, hybrid: &Hybrid, theta: &[f64]) -> Revision {
             ConstantId::Gain(i) => revision.gains[i] = value,
             ConstantId::Zero(c) => revision.zeros[c] = value,
             ConstantId::Effect(e, k) => revision.effects[e].0.values[k] = value,
+            ConstantId::Network(..) => {} // its weights are not in the model
         }
     }
     revision
