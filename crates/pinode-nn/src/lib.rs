@@ -46,6 +46,8 @@ pub mod smoothing;
 pub mod spread;
 pub mod train;
 
+mod bins;
+mod digits;
 mod disk;
 mod entries;
 mod error;

@@ -277,9 +277,9 @@ fn the_least_friction_that_can_be_seen_is_told() {
     assert!(diagnosis.excitation.coordinates[0].reversals > 5);
 }
 
-/// Two hills of force along the way, which no law of the library has: they are described.
+/// Two hills of force along the way, which no law of the library has: they are described, and a network learns them.
 #[test]
-fn what_no_effect_explains_is_described() {
+fn what_no_effect_explains_is_described_and_learnt() {
     let recording = Recording {
         unlogged: |_, x| {
             let hill = |at: f64, wide: f64| (-((x - at) / wide).powi(2)).exp();
@@ -291,6 +291,33 @@ fn what_no_effect_explains_is_described() {
     let left = diagnosis.unexplained.unwrap();
     assert_eq!(left.depends_on[0].signal, "position of x");
     assert!(!left.memory.present, "{:?}", left.memory);
+    let learnt = left
+        .learnt
+        .unwrap_or_else(|| panic!("{:?}", left.sentences));
+    assert!(learnt.with < 0.5 * learnt.without, "{learnt:?}");
+    assert!(diagnosis.gap.after < 1.01 * learnt.with, "{learnt:?}");
+    let law = learnt.law.unwrap();
+    assert_eq!(law.signals[0].name, "q.x");
+    assert!(law.signals[0].share > 0.8, "{law:?}");
+}
+
+/// Blows that come at any time follow from nothing: a network can learn those that it sees, and knows nothing of the next one.
+#[test]
+fn blows_from_outside_are_not_learnt() {
+    let recording = Recording {
+        unlogged: |t, _| {
+            if (7.3 * t).sin() * (4.1 * t).sin() > 0.93 {
+                9.0
+            } else {
+                0.0
+            }
+        },
+        seconds: 60.0,
+        ..Recording::HEALTHY
+    };
+    let diagnosis = diagnosed(&[recording.rows()]);
+    let learnt = diagnosis.unexplained.and_then(|left| left.learnt);
+    assert_eq!(learnt, None);
 }
 
 /// Where mass and spring are free, a force of the measured acceleration would explain the noise that it shares with the readings.

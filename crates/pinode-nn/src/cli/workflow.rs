@@ -156,7 +156,7 @@ fn work(task: &Task, output: &Output) -> Result<Finished, Error> {
     })
 }
 
-/// What the workflow writes, beside a copy of the URDF.
+/// What the workflow writes, beside copies of the URDF and of the weights of networks.
 const OWN_FILES: [&str; 3] = ["model.toml", "diagnosis.json", report::FILE_NAME];
 
 /// A folder, and what was there before.
@@ -191,10 +191,11 @@ impl Folder {
         let now = names(&self.path).unwrap_or_default();
         for name in now.difference(&self.before) {
             let path = Path::new(name);
-            let is_urdf = path
-                .extension()
-                .is_some_and(|e| e.eq_ignore_ascii_case("urdf"));
-            if is_urdf || OWN_FILES.iter().any(|own| name == own) {
+            let beside = |ending| {
+                path.extension()
+                    .is_some_and(|e| e.eq_ignore_ascii_case(ending))
+            };
+            if beside("urdf") || beside("safetensors") || OWN_FILES.iter().any(|own| name == own) {
                 let _ = std::fs::remove_file(self.path.join(name));
             }
         }

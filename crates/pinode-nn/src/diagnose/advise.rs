@@ -4,7 +4,7 @@ use super::experiment::{Outcome, Split, short};
 use super::misfit::is_unexplained;
 use super::search::Search;
 use super::study::Study;
-use super::verdict::{NamedEffect, Numerics, Verdict};
+use super::verdict::{NamedEffect, Numerics, Unexplained, Verdict};
 
 /// Delays below this are not told from a lag, s.
 const SHORT_DELAY: f64 = 5e-3;
@@ -16,6 +16,7 @@ pub fn advise(
     effects: &[NamedEffect],
     splits: &[Split],
     verdict: Verdict,
+    unexplained: Option<&Unexplained>,
     numerics: &Numerics,
 ) -> Vec<String> {
     let mut advice = Vec::new();
@@ -62,9 +63,12 @@ pub fn advise(
             })
             .collect();
         advice.push(format!(
-            "what is left is larger than the sensor noise ({}), and no law of what was measured explains it: pushes from outside, or \
-             something that was not measured.",
-            excess.join(", ")
+            "what is left is larger than the sensor noise ({}), and {}.",
+            excess.join(", "),
+            match unexplained.and_then(|u| u.learnt.as_ref()) {
+                Some(_) => "a network that was taught it does better on unseen data: a law is missing that the library has not, see what it is like",
+                None => "no law of what was measured explains it: pushes from outside, or something that was not measured",
+            }
         ));
     }
     for moved in numerics.set_valued.iter().flat_map(|s| s.visible()) {

@@ -9,10 +9,11 @@
 //!    pushes that nobody measured.
 //! 5. Dry friction is fitted once more, as sharp as the data see it.
 //! 6. The new model is written, read back, and run free over held-out data. What does not shrink the gap there is not added.
+//! 7. What no effect explains but follows from something is taught to a small network on that coordinate, which is described and, where it shrinks the
+//!    gap, added.
 
 mod advise;
 pub(crate) mod audit;
-mod bins;
 mod candidate;
 mod confidence;
 pub mod curves;
@@ -21,6 +22,7 @@ mod found;
 mod gap;
 mod horizons;
 pub(crate) mod kept;
+mod last_resort;
 mod linear;
 mod locate;
 mod misfit;
@@ -50,15 +52,18 @@ use self::curves::{Curves, ResidualForce};
 use self::kept::Kept;
 use self::search::Search;
 use self::setup::{Prepared, prepare};
+use self::study::Study;
 use self::verdict::{
-    DataFault, Diagnosis, Disagreement, LogProvenance, Numerics, Provenance, Verdict,
+    DataFault, Diagnosis, Disagreement, Learnt, LogProvenance, Numerics, Provenance, Verdict,
 };
 use crate::Error;
+use crate::disk::copy_beside;
 use crate::effect::Kind;
 use crate::entries::refuse_poses;
 use crate::hybrid::Hybrid;
+use crate::learnt::weights;
 use crate::log::Log;
-use crate::model::Model;
+use crate::model::{Model, NewNetwork};
 
 pub use setup::{FEWEST_WINDOWS, WINDOW_S};
 
@@ -137,12 +142,13 @@ pub(crate) fn diagnose_into(
     model: &Model,
     logs: &[Log],
     held_out: &[Log],
-    (out, file_name): (&Path, &str),
+    file: (&Path, &str),
     seed: u64,
     report: &dyn Fn(&str),
     means: &Means,
 ) -> Result<Outcome, Error> {
     refuse_poses(model.mechanics.coordinates(), WORK)?;
+    let out = file.0;
     let all: Vec<&Log> = logs.iter().chain(held_out).collect();
     for (k, second) in all.iter().enumerate() {
         if let Some(first) = all[..k].iter().find(|first| first.sha256 == second.sha256) {
@@ -155,6 +161,7 @@ pub(crate) fn diagnose_into(
     report("reading the log: noise, outliers, gaps");
     let audited = audit::audit(model, logs, held_out);
     let fit_runs = logs.iter().map(|log| log.runs.len()).sum();
+    let interval = audited.observations.typical_interval();
     report("fitting the model as given");
     let mut cleaned = Cleaned::new(model, audited, fit_runs, report, means)?;
     let names: Vec<String> = model
@@ -209,27 +216,16 @@ pub(crate) fn diagnose_into(
     };
     let first_guess = |run: usize, k: usize| prepared.smoothed[run].state(k);
     let lead = LEAD_S.min(0.5 * prepared.window);
-    let (path, written, mut gap, free_runs) = loop {
-        let mut revision = write_up::revision(model, &search, &provenance);
-        let path = model.write_revision(out, file_name, &revision)?;
-        // What is measured is what was written: the file is read back.
-        let mut written = Hybrid::of(&Model::load(&path)?);
-        if written.is_stiff() != search.model.hybrid.is_stiff() {
-            // With what was found the default is another than that of the fit.
-            write_up::say_smoothing(&mut revision, &search.model.hybrid);
-            model.write_revision(out, file_name, &revision)?;
-            written = Hybrid::of(&Model::load(&path)?);
-        }
-        let given = &search.null.hybrid;
-        let free_runs = gap::free_runs(
-            &study,
-            (given, &given.theta()),
-            (&written, &written.theta()),
-            &first_guess,
-            (lead, HORIZON_S, true),
-            &masked,
-        );
-        let gap = gap::gap(&study, given, &free_runs, HORIZON_S);
+    let given = search.null.hybrid.clone();
+    let run_free = |study: &Study, (old, new): (&Hybrid, &Hybrid), horizon: f64, shorter: bool| {
+        let (old, new) = ((old, &old.theta()[..]), (new, &new.theta()[..]));
+        let spans = (lead, horizon, shorter);
+        gap::free_runs(study, old, new, &first_guess, spans, &masked)
+    };
+    let (mut path, mut written, mut gap, mut free_runs) = loop {
+        let (path, written) = write(model, &search, &provenance, file, None)?;
+        let free_runs = run_free(&study, (&given, &written), HORIZON_S, true);
+        let gap = gap::gap(&study, &given, &free_runs, HORIZON_S);
         // Windows without one in which both models stay finite count against what was found; no windows at all say nothing.
         let shrinks = gap.windows > 0 && gap.after < gap.before;
         if search.found.is_empty() || free_runs.is_empty() || shrinks {
@@ -246,25 +242,6 @@ pub(crate) fn diagnose_into(
     };
     let study = &study;
     provenance.substeps = study.substeps * study.finer;
-    let given = &search.null.hybrid;
-    let longer = gap::free_runs(
-        study,
-        (given, &given.theta()),
-        (&written, &written.theta()),
-        &first_guess,
-        (lead, horizons::LONG_S, false),
-        &masked,
-    );
-    gap.horizons = [
-        (&free_runs, horizons::SHORT_S),
-        (&free_runs, HORIZON_S),
-        (&longer, horizons::LONG_S),
-    ]
-    .into_iter()
-    .filter_map(|(runs, horizon)| horizons::horizon(runs, &gap.coordinates, horizon))
-    .collect();
-    gap.regions = regions::regions(&residuals, &free_runs, &gap.coordinates);
-
     let something_is_left = search.left.is_some() || misfit::is_unexplained(study, &search.model);
     let verdict = if !search.found.is_empty() && search.explains_most() {
         Verdict::EffectsFound
@@ -275,7 +252,7 @@ pub(crate) fn diagnose_into(
     } else {
         Verdict::NothingMissing
     };
-    let unexplained = something_is_left
+    let described = something_is_left
         .then(|| {
             let Prepared {
                 smoothed,
@@ -293,14 +270,81 @@ pub(crate) fn diagnose_into(
                 .iter()
                 .position(|c| c.name == force.coordinate)?;
             let left = search.left.as_ref().filter(|left| left.coordinate == c);
-            unexplained::describe(study, &search.model, (force, c), left, &names)
+            let (words, signals) =
+                unexplained::describe(study, &search.model, (force, c), left, &names)?;
+            let resort = last_resort::Resort {
+                model,
+                study,
+                interval,
+                coordinate: c,
+                rms: words.rms,
+                follows: left.map(|left| left.follows),
+                signals,
+                seed,
+            };
+            Some((words, resort))
         })
         .flatten();
+    let (mut unexplained, resort) = described.unzip();
+    if let (Some(unexplained), Some(resort)) = (&mut unexplained, &resort) {
+        report("teaching a network what no effect explains");
+        match resort.teach(&search, &provenance) {
+            Ok(taught) => {
+                let mut with = taught.fitted.hybrid.clone();
+                with.set_theta(&taught.fitted.inside.theta);
+                let compared = run_free(study, (&written, &with), HORIZON_S, true);
+                let shrinks = gap::gap(study, &written, &compared, HORIZON_S);
+                if shrinks.windows > 0 && shrinks.after < shrinks.before {
+                    let bytes = weights::to_bytes(&path, &taught.force, &taught.card, false)?;
+                    let name = copy_beside(last_resort::WEIGHTS.as_ref(), &bytes, out)?;
+                    let network = Some(taught.entry(&name, seed));
+                    search.model = taught.fitted;
+                    (path, written) = write(model, &search, &provenance, file, network)?;
+                    free_runs = run_free(study, (&given, &written), HORIZON_S, true);
+                    gap = gap::gap(study, &given, &free_runs, HORIZON_S);
+                    let learnt = Learnt {
+                        weights: name,
+                        without: shrinks.before,
+                        with: shrinks.after,
+                        law: taught.law,
+                    };
+                    let said = learnt.sentences(&unexplained.coordinate);
+                    unexplained.sentences.extend(said);
+                    unexplained.learnt = Some(learnt);
+                } else {
+                    unexplained.sentences.push(
+                        "A small network that was taught it does not shrink the free-run errors on unseen data: it is not added."
+                            .to_owned(),
+                    );
+                }
+            }
+            Err(why) => unexplained.sentences.push(why),
+        }
+    }
+    let longer = run_free(study, (&given, &written), horizons::LONG_S, false);
+    gap.horizons = [
+        (&free_runs, horizons::SHORT_S),
+        (&free_runs, HORIZON_S),
+        (&longer, horizons::LONG_S),
+    ]
+    .into_iter()
+    .filter_map(|(runs, horizon)| horizons::horizon(runs, &gap.coordinates, horizon))
+    .collect();
+    gap.regions = regions::regions(&residuals, &free_runs, &gap.coordinates);
+
     let effects = write_up::effects(&search, &splits, &names);
     let numerics = Numerics {
         set_valued: numerics::set_valued(study, &search.model),
     };
-    let advice = advise::advise(study, &search, &effects, &splits, verdict, &numerics);
+    let advice = advise::advise(
+        study,
+        &search,
+        &effects,
+        &splits,
+        verdict,
+        unexplained.as_ref(),
+        &numerics,
+    );
     let diagnosis = Diagnosis {
         verdict,
         disagreement,
@@ -332,6 +376,27 @@ pub(crate) fn diagnose_into(
         },
         model: path,
     })
+}
+
+/// Writes the model with what was found, and reads it back: what is measured is what was written.
+fn write(
+    model: &Model,
+    search: &Search,
+    provenance: &Provenance,
+    (out, file_name): (&Path, &str),
+    network: Option<NewNetwork>,
+) -> Result<(PathBuf, Hybrid), Error> {
+    let mut revision = write_up::revision(model, search, provenance);
+    revision.network = network;
+    let path = model.write_revision(out, file_name, &revision)?;
+    let mut written = Hybrid::of(&Model::load(&path)?);
+    if written.is_stiff() != search.model.hybrid.is_stiff() {
+        // With what was found the default is another than that of the fit.
+        write_up::say_smoothing(&mut revision, &search.model.hybrid);
+        model.write_revision(out, file_name, &revision)?;
+        written = Hybrid::of(&Model::load(&path)?);
+    }
+    Ok((path, written))
 }
 
 /// The null model on data without their faults.

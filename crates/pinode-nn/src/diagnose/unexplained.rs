@@ -4,12 +4,13 @@
 //! nothing, however many bins. What part of the force is the noise of its reconstruction no signal can explain.
 
 use super::advise::spoken;
-use super::bins::{binned, cell_means, explained_by};
 use super::curves::ResidualForce;
 use super::remainder::Remainder;
 use super::study::{Fitted, Study};
 use super::verdict::{ForceCurve, Memory, NearShape, SharedSignal, Unexplained};
+use crate::bins::{binned, cell_means, explained_by};
 use crate::effect::{Action, registry};
+use crate::learnt::Quantity;
 
 /// Points of the curve, and bins of each signal where two or three are taken together.
 const POINTS: usize = 24;
@@ -29,17 +30,19 @@ struct Signal {
     name: String,
     unit: String,
     values: Vec<f64>,
+    /// What a network sees of it; time is nothing that a force follows.
+    quantity: Option<Quantity>,
 }
 
 /// Describes what a fitted model leaves on the coordinate of `residual`, which is the `c`th; `left` is what it follows from, where the
-/// windows show that.
+/// windows show that. The signals that it follows most come with it.
 pub fn describe(
     study: &Study,
     fitted: &Fitted,
     (residual, c): (&ResidualForce, usize),
     left: Option<&Remainder>,
     inputs: &[String],
-) -> Option<Unexplained> {
+) -> Option<(Unexplained, Vec<Quantity>)> {
     let force = clipped(&residual.force);
     if force.len() < FEWEST {
         return None;
@@ -99,8 +102,14 @@ pub fn describe(
         curve,
         nearest: nearest(study, fitted, &force, &places, c),
         follows: None,
+        learnt: None,
         sentences: Vec::new(),
     };
+    let follows_most = (alone > WORTH).then_some(best).into_iter();
+    let signals = follows_most
+        .chain(second.map(|s| s.0))
+        .filter_map(|s| present[s].quantity)
+        .collect();
     if let Some(left) = left {
         let follows = left.follows.words(&residual.coordinate);
         unexplained.sentences.push(format!(
@@ -111,7 +120,7 @@ pub fn describe(
         unexplained.follows = Some(follows);
     }
     unexplained.sentences.extend(sentences(&unexplained));
-    Some(unexplained)
+    Some((unexplained, signals))
 }
 
 /// (recording, sample) of each looked-at time.
@@ -153,11 +162,13 @@ fn present(
             name: format!("velocity of {}", coordinate.name),
             unit: format!("{unit}/s"),
             values: of(|s| &s.v),
+            quantity: Some(Quantity::Velocity(c)),
         });
         signals.push(Signal {
             name: format!("position of {}", coordinate.name),
             unit: unit.to_owned(),
             values: of(|s| &s.q),
+            quantity: Some(Quantity::Position(c)),
         });
     }
     for (i, name) in inputs.iter().enumerate() {
@@ -166,6 +177,7 @@ fn present(
             name: format!("input {name}"),
             unit: String::new(),
             values: places.iter().map(at).collect(),
+            quantity: Some(Quantity::Input { input: i, back: 0 }),
         });
     }
     signals.push(Signal {
@@ -175,6 +187,7 @@ fn present(
             .iter()
             .map(|&(run, k)| study.observations.runs[run].t[k])
             .collect(),
+        quantity: None,
     });
     signals
 }
@@ -436,8 +449,8 @@ fn sentences(u: &Unexplained) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::bins::pseudo;
     use super::*;
+    use crate::bins::pseudo;
 
     #[test]
     fn an_odd_curve_is_odd_and_an_even_one_even_whatever_its_constant() {
@@ -448,6 +461,7 @@ mod tests {
                 name: "velocity".into(),
                 unit: "m/s".into(),
                 values,
+                quantity: None,
             };
             odd_share(&curve(&force, &signal)).unwrap_or(f64::NAN)
         };

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use crate::learnt::law::Law;
 use crate::smoothing::SmoothingError;
 
 /// What a diagnosis says; the JSON document of `pinode diagnose`.
@@ -331,8 +332,23 @@ pub struct Unexplained {
     pub curve: ForceCurve,
     /// The laws of the library that look most like it.
     pub nearest: Vec<NearShape>,
+    /// The network that has learnt it and is a part of the new model; `null` where none was taught, or it did not shrink the gap.
+    pub learnt: Option<Learnt>,
     /// All this in words.
     pub sentences: Vec<String>,
+}
+
+/// A network for what no effect explains.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Learnt {
+    /// The file of its weights, beside the new model.
+    pub weights: String,
+    /// What of the free-run errors on unseen data is left without it, in units of the sensors' noise, over all coordinates.
+    pub without: f64,
+    /// The same with it.
+    pub with: f64,
+    /// What it is like.
+    pub law: Option<Law>,
 }
 
 /// A signal and the adjusted share of the variance that it explains.

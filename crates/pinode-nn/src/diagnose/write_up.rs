@@ -27,7 +27,7 @@ pub fn revision(model: &Model, search: &Search, provenance: &Provenance) -> Revi
             ConstantId::Mechanics(k) => revision.parameter_values[k] = theta[i],
             ConstantId::Gain(k) => revision.gains[k] = theta[i],
             ConstantId::Zero(k) => revision.zeros[k] = theta[i],
-            ConstantId::Effect(..) => {}
+            ConstantId::Effect(..) | ConstantId::Network(..) => {}
         }
     }
     revision.effects = hybrid
@@ -215,10 +215,10 @@ pub fn constants(search: &Search, inputs: &[String]) -> Vec<FittedConstant> {
         .iter()
         .filter_map(|&i| {
             let constant = &fitted.hybrid.constants()[i];
-            if let ConstantId::Effect(e, _) = constant.id
-                && is_found(e)
-            {
-                return None;
+            match constant.id {
+                ConstantId::Effect(e, _) if is_found(e) => return None,
+                ConstantId::Network(..) => return None,
+                _ => {}
             }
             Some(FittedConstant {
                 name: fitted.hybrid.describe(i, inputs),

@@ -39,6 +39,7 @@ pub(super) fn unexplained(follows: Option<&str>) -> Unexplained {
             at,
         },
         nearest: Vec::new(),
+        learnt: None,
         sentences: vec!["On `slider` a force of 0.300 N is unexplained.".into()],
     }
 }

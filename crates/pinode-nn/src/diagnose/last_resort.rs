@@ -1,0 +1,335 @@
+//! What no effect of the library explains is taught to a small network on that coordinate.
+//!
+//! M(q) v̇ + C(q, v) v + G(q) = Q + s Σ_k a_k tanh(w_kᵀ z + b_k) + s b: the network sees only the signals z that the missing law was seen to follow
+//! (where none was, the joint's position and velocity and what drives it). Its parameters are entries of θ like those of every effect: they are
+//! fitted with all others over the same windows, each with a prior, and the network is added where it explains the windows better, pair by pair, both
+//! those that the fit saw and those held out, and shrinks the gap of free runs: pushes from outside can be learnt, but say nothing of later ones.
+
+use std::sync::Arc;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::search::Search;
+use super::shapes::Follows;
+use super::study::{Comparison, Fitted, Study};
+use super::verdict::{Learnt, Provenance};
+use crate::digits::number;
+use crate::entries::starts;
+use crate::hybrid::Hybrid;
+use crate::learnt::law::Law;
+use crate::learnt::{Card, Feature, LearntForce, Names, Output, Quantity};
+use crate::model::{Model, NewNetwork};
+use crate::network::{Activation, Mlp, Shape};
+
+/// The name of its weights beside the new model.
+pub const WEIGHTS: &str = "network.safetensors";
+/// Hidden units: so many, and so many more for each signal; at most the last.
+const UNITS: [usize; 3] = [8, 4, 24];
+/// How steep they are at first, in deviations of the signals.
+const SLOPES: [f64; 2] = [0.5, 10.0];
+/// The prior of its parameters, about those at first; the force in units of what is left.
+const TOLERANCE: f64 = 3.0;
+/// Iterations of the fit: of the initial states alone, and of all.
+const ITERATIONS: [usize; 2] = [0, 30];
+/// What an input was so many samples ago.
+const AGO: [usize; 5] = [1, 2, 3, 5, 8];
+/// Two intervals that differ by less are the same.
+const SAME: f64 = 0.01;
+
+/// What is left, and what is known of it.
+pub struct Resort<'a> {
+    /// The model as given.
+    pub model: &'a Model,
+    /// The data of the diagnosis.
+    pub study: &'a Study,
+    /// Typical time between two samples of the logs, s.
+    pub interval: f64,
+    /// The coordinate that it acts on.
+    pub coordinate: usize,
+    /// Root mean square of the force that is left there, N or N·m.
+    pub rms: f64,
+    /// What it follows, where windows that were set aside show it.
+    pub follows: Option<Follows>,
+    /// The signals that the force that is left follows most.
+    pub signals: Vec<Quantity>,
+    /// Of the first parameters.
+    pub seed: u64,
+}
+
+/// A network beside what was found.
+struct Fit {
+    fitted: Fitted,
+    comparison: Comparison,
+    /// What it saw, one row a sample.
+    states: Vec<Vec<f64>>,
+}
+
+/// A network that explains what is left.
+pub struct Taught {
+    /// The model with it, fitted.
+    pub fitted: Fitted,
+    /// The force.
+    pub force: LearntForce,
+    /// What its file says of it.
+    pub card: Card,
+    /// What it is like.
+    pub law: Option<Law>,
+}
+
+impl Resort<'_> {
+    /// Teaches a network beside what was found.
+    ///
+    /// # Errors
+    /// In words, where there is none that explains windows it has not seen.
+    pub fn teach(&self, search: &Search, provenance: &Provenance) -> Result<Taught, String> {
+        let given = &search.model;
+        let taken = given.hybrid.networks().iter().flat_map(|n| n.outputs());
+        let coordinates = self.model.mechanics.coordinates();
+        let name = &coordinates[self.coordinate].name;
+        if taken.clone().any(|o| o.coordinate == self.coordinate) {
+            return Err(format!(
+                "No network was taught it: the model has one on `{name}` already."
+            ));
+        }
+        let mut best: Option<Fit> = None;
+        for quantities in self.sights() {
+            let Some(fit) = self.fit(given, quantities) else {
+                continue;
+            };
+            let better = |best: &Fit| fit.comparison.outside_gain > best.comparison.outside_gain;
+            if best.as_ref().is_none_or(better) {
+                best = Some(fit);
+            }
+        }
+        let Fit {
+            fitted,
+            comparison,
+            states,
+        } = best.ok_or("No network was taught it: nothing moves that it could follow.")?;
+        if !comparison.explains() {
+            return Err(format!(
+                "A small network that was taught it explains windows that it has not seen no better ({} nats a sample, {:.1} standard errors): it is \
+                 not added.",
+                number(comparison.outside_gain),
+                comparison.outside.z
+            ));
+        }
+        let learnt = fitted.hybrid.networks_at(&fitted.inside.theta).pop();
+        let force = learnt.ok_or("No network was taught it.")?;
+        let force = (*force).clone().trained_on(&states);
+        let inputs: Vec<&str> = self.model.inputs.iter().map(|i| i.name.as_str()).collect();
+        let mut card = Card::of(
+            &force,
+            Names {
+                coordinates,
+                inputs: &inputs,
+            },
+        );
+        let law = Law::of(&force, 0, &states, self.model);
+        let words = serde_json::json!({
+            "program": concat!("pinode ", env!("CARGO_PKG_VERSION")),
+            "model": provenance.model,
+            "logs": provenance.logs,
+            "seed": self.seed,
+            "windows": self.study.windows.fit.len(),
+            "gain_per_sample_held_out": comparison.outside_gain,
+            "law": law,
+        });
+        if let serde_json::Value::Object(words) = words {
+            card.training = words;
+        }
+        Ok(Taught {
+            fitted,
+            force,
+            card,
+            law,
+        })
+    }
+
+    /// A network that sees this, fitted beside `given`; `None` where nothing of it moves.
+    fn fit(&self, given: &Fitted, quantities: Vec<Quantity>) -> Option<Fit> {
+        let states = self.states(&given.hybrid, &given.inside.theta, &quantities);
+        let force = self.beginning(&quantities, &states)?;
+        let mut hybrid = given.hybrid.clone();
+        let theta = [&given.inside.theta, force.network().parameters()].concat();
+        hybrid.add_open_network(Arc::new(force), TOLERANCE);
+        let [alone, all] = ITERATIONS;
+        let fitted = self.study.fit(hybrid, given.start(theta), alone, all);
+        Some(Fit {
+            comparison: Comparison::of(&fitted, given),
+            fitted,
+            states,
+        })
+    }
+
+    /// What networks are to see: one that is known to suffice, or several, the simplest first.
+    fn sights(&self) -> Vec<Vec<Quantity>> {
+        let c = self.coordinate;
+        let own = |input: &usize| self.model.inputs[*input].coordinate == c;
+        let inputs: Vec<usize> = (0..self.model.inputs.len()).filter(own).collect();
+        let ago = |back: usize| -> Vec<Quantity> {
+            let of = |&input: &usize| Quantity::Input { input, back };
+            inputs.iter().map(of).collect()
+        };
+        let (place, speed) = (Quantity::Position(c), Quantity::Velocity(c));
+        let sights = match self.follows {
+            None => vec![
+                vec![speed],
+                vec![place, speed],
+                [vec![place, speed], ago(0)].concat(),
+            ],
+            Some(Follows::Velocity) => vec![vec![speed]],
+            Some(Follows::Position) => vec![vec![place]],
+            // A network remembers nothing: what it can know of the past of the motion is where that has led.
+            Some(Follows::PositionAndDirection | Follows::PastMotion) => vec![vec![place, speed]],
+            Some(Follows::Input) => vec![ago(0)],
+            // Samples ago are those of the log, which may have been thinned.
+            Some(Follows::PastInput)
+                if (self.study.interval / self.interval - 1.0).abs() > SAME =>
+            {
+                vec![ago(0)]
+            }
+            Some(Follows::PastInput) => {
+                vec![[0].iter().chain(&AGO).flat_map(|&back| ago(back)).collect()]
+            }
+        };
+        sights.iter().map(|sees| self.distinct(sees)).collect()
+    }
+
+    /// With the signals that the force follows most; angles that wrap by cosine and sine, each once.
+    fn distinct(&self, sees: &[Quantity]) -> Vec<Quantity> {
+        let coordinates = self.model.mechanics.coordinates();
+        let mut distinct = Vec::new();
+        for &quantity in sees.iter().chain(&self.signals) {
+            let wraps = |c: usize| coordinates.get(c).is_some_and(|c| c.wraps);
+            let parts = match quantity {
+                Quantity::Position(c) if wraps(c) => vec![Quantity::Cosine(c), Quantity::Sine(c)],
+                other => vec![other],
+            };
+            for part in parts {
+                if !distinct.contains(&part) {
+                    distinct.push(part);
+                }
+            }
+        }
+        distinct
+    }
+
+    /// What it sees of the samples in the windows that are fitted, one row a sample.
+    fn states(&self, hybrid: &Hybrid, theta: &[f64], quantities: &[Quantity]) -> Vec<Vec<f64>> {
+        let study = self.study;
+        let places = starts(hybrid.mechanics().coordinates());
+        let mut rows = Vec::new();
+        for (r, (run, smoothed)) in study
+            .observations
+            .runs
+            .iter()
+            .zip(study.smoothed.iter())
+            .enumerate()
+        {
+            let inputs = hybrid.drive(&run.t, &run.u, 1, theta, &[]);
+            for window in study.windows.fit.iter().filter(|w| w.run == r) {
+                for k in window.first..window.first + window.count {
+                    let state = smoothed.state(k);
+                    let value = |q: &Quantity| q.value(&state, k, &places, hybrid.nq(), &inputs);
+                    rows.push(quantities.iter().map(value).collect());
+                }
+            }
+        }
+        rows
+    }
+
+    /// A network without force: units that change at states that were seen, at first with no weight. `None` where nothing that it sees moves.
+    fn beginning(&self, quantities: &[Quantity], states: &[Vec<f64>]) -> Option<LearntForce> {
+        let features: Vec<Feature> = quantities
+            .iter()
+            .enumerate()
+            .map(|(k, &quantity)| feature(quantity, states.iter().map(|x| x[k])))
+            .collect();
+        let moving: Vec<usize> = (0..features.len())
+            .filter(|&k| features[k].range[1] > features[k].range[0])
+            .collect();
+        if moving.is_empty() || !(self.rms > 0.0) {
+            return None;
+        }
+        let d = features.len();
+        let units = (UNITS[0] + UNITS[1] * moving.len()).min(UNITS[2]);
+        let shape = Shape::new(&[d, units, 1], Activation::Tanh, Activation::Identity).ok()?;
+        let mut parameters = vec![0.0; shape.parameters()];
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        let layer = shape.layers().next()?;
+        for unit in 0..units {
+            let at = &states[rng.random_range(0..states.len())];
+            let slope = SLOPES[0] * (SLOPES[1] / SLOPES[0]).powf(rng.random::<f64>());
+            let direction: Vec<f64> = moving
+                .iter()
+                .map(|_| 2.0 * rng.random::<f64>() - 1.0)
+                .collect();
+            let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let mut sum = 0.0;
+            for (&k, part) in moving.iter().zip(&direction) {
+                let weight = slope * part / length.max(f64::MIN_POSITIVE);
+                parameters[layer.weights + unit * d + k] = weight;
+                sum += weight * (at[k] - features[k].offset) / features[k].width;
+            }
+            parameters[layer.biases + unit] = -sum;
+        }
+        let network = Mlp::from_parameters(shape, parameters).ok()?;
+        let output = Output {
+            coordinate: self.coordinate,
+            scale: self.rms,
+        };
+        LearntForce::new(network, features, vec![output], false).ok()
+    }
+}
+
+/// Mean and deviation of what a network sees.
+fn feature(quantity: Quantity, values: impl Iterator<Item = f64>) -> Feature {
+    let (mut n, mut sum, mut squares) = (0.0, 0.0, 0.0);
+    let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+    for x in values {
+        n += 1.0;
+        sum += x;
+        squares += x * x;
+        range = [range[0].min(x), range[1].max(x)];
+    }
+    let mean = sum / f64::max(n, 1.0);
+    let deviation = (squares / f64::max(n, 1.0) - mean * mean).max(0.0).sqrt();
+    let moves = deviation > 1e-9 * mean.abs();
+    Feature {
+        quantity,
+        offset: mean,
+        width: if moves { deviation } else { 1.0 },
+        range,
+    }
+}
+
+impl Taught {
+    /// What the new model says of it, where its weights have this name.
+    pub fn entry(&self, weights: &str, seed: u64) -> NewNetwork {
+        NewNetwork {
+            weights: vec![weights.to_owned()],
+            joints: self.card.joints.iter().map(|j| j.name.clone()).collect(),
+            comment: format!(
+                "what no effect explains, learnt by pinode {}; the other constants are as fitted beside it; seed {seed}",
+                env!("CARGO_PKG_VERSION"),
+            ),
+        }
+    }
+}
+
+impl Learnt {
+    /// In sentences.
+    pub(super) fn sentences(&self, coordinate: &str) -> Vec<String> {
+        let mut said = vec![format!(
+            "A small network on `{coordinate}` has learnt it and is added to the model as `{}`: the free-run errors on unseen data go from {} to {}, \
+             in units of the sensors' noise.",
+            self.weights,
+            number(self.without),
+            number(self.with)
+        )];
+        said.extend(self.law.iter().flat_map(Law::sentences));
+        said
+    }
+}
