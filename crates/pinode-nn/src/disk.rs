@@ -45,12 +45,17 @@ impl Staged {
     }
 }
 
-/// An empty temporary file in the folder of `path`.
-fn beside(path: &Path) -> Result<NamedTempFile, Error> {
-    let folder = match path.parent() {
+/// The folder that a file is in.
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
-    };
+    }
+}
+
+/// An empty temporary file in the folder of `path`.
+fn beside(path: &Path) -> Result<NamedTempFile, Error> {
+    let folder = folder_of(path);
     let mut builder = tempfile::Builder::new();
     #[cfg(unix)]
     {
@@ -58,6 +63,34 @@ fn beside(path: &Path) -> Result<NamedTempFile, Error> {
         builder.permissions(std::fs::Permissions::from_mode(0o666)); // less the umask
     }
     builder.tempfile_in(folder).map_err(|e| Error::io(path, e))
+}
+
+/// Refuses `outputs` among which one is an input or another output, under whatever name: said before the work, not after it.
+///
+/// # Errors
+/// [`Error::OverwritesInput`], [`Error::SameOutput`]; [`Error::Io`] where a folder has the name of an output.
+pub(crate) fn refuse_overwriting(outputs: &[PathBuf], inputs: &[&Path]) -> Result<(), Error> {
+    let inputs: Vec<PathBuf> = inputs.iter().map(|path| whole(path)).collect();
+    for (k, path) in outputs.iter().enumerate() {
+        if path.is_dir() {
+            return Err(Error::io(path, ErrorKind::IsADirectory.into()));
+        }
+        let (found, path) = (whole(path), path.clone());
+        if inputs.contains(&found) {
+            return Err(Error::OverwritesInput { path });
+        }
+        if outputs.iter().take(k).any(|other| whole(other) == found) {
+            return Err(Error::SameOutput { path });
+        }
+    }
+    Ok(())
+}
+
+/// The one path of a file, also of one that is not there yet.
+fn whole(path: &Path) -> PathBuf {
+    let in_folder = || Some(folder_of(path).canonicalize().ok()?.join(path.file_name()?));
+    let found = path.canonicalize().ok().or_else(in_folder);
+    found.unwrap_or_else(|| path.to_owned())
 }
 
 /// SHA-256 of `bytes`, hexadecimal.
@@ -69,4 +102,30 @@ pub(crate) fn sha256(bytes: &[u8]) -> String {
             let _ = write!(out, "{byte:02x}"); // writing to a String cannot fail
             out
         })
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    #[test]
+    fn an_output_is_neither_an_input_nor_another_output_under_another_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir(at("sub")).unwrap();
+        std::fs::write(at("input.csv"), "").unwrap();
+        let input = at("input.csv");
+        let check = |names: &[&str]| {
+            let outputs: Vec<PathBuf> = names.iter().map(|name| at(name)).collect();
+            refuse_overwriting(&outputs, &[&input])
+        };
+        assert!(check(&["a.csv", "b.csv", "nowhere/a.csv"]).is_ok());
+        let refused = check(&["a.csv", "sub/../input.csv"]);
+        assert!(matches!(refused, Err(Error::OverwritesInput { .. })));
+        let refused = check(&["a.csv", "sub/../a.csv"]);
+        assert!(matches!(refused, Err(Error::SameOutput { .. })));
+        assert!(matches!(check(&["sub"]), Err(Error::Io { .. })));
+    }
 }

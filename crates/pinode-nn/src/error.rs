@@ -224,6 +224,12 @@ pub enum Error {
         /// The file.
         path: PathBuf,
     },
+    /// Two outputs would be one file.
+    #[error("{} is to hold two results: give each a name of its own", path.display())]
+    SameOutput {
+        /// The file.
+        path: PathBuf,
+    },
     /// A revision does not fit the model it revises.
     #[error("the revision gives {found} {what}, the model has {expected}")]
     Revision {

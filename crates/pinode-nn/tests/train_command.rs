@@ -253,3 +253,44 @@ fn what_cannot_be_trained_is_said_before_the_work() {
         assert!(!folder.join("out/model.toml").exists());
     }
 }
+
+/// A sledge with a network that a short training has left in `first`, there under the name `a.toml`.
+fn trained_before(folder: &Path) {
+    let more = ["--epochs", "1", "--quiet", "--out", "first"];
+    let output = pinode(&[TRAIN, &more].concat(), folder);
+    assert!(output.status.success());
+    std::fs::rename(folder.join("first/model.toml"), folder.join("first/a.toml")).unwrap();
+}
+
+/// The training wrote the new weights over those that its own model uses; a log at `OUT/metrics.jsonl` was lost as well.
+#[test]
+fn a_training_does_not_write_over_what_it_reads() {
+    let folder = folder();
+    let folder = folder.path();
+    trained_before(folder);
+    let weights = folder.join("first/network.safetensors");
+    let before = std::fs::read(&weights).unwrap();
+    let refused = |arguments: &[&str], name: &str| {
+        let output = pinode(arguments, folder);
+        let words = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{words}");
+        let said = words.contains(name) && words.contains("is an input that was read");
+        assert!(said, "{words}");
+    };
+    let again = ["--joint", "x", "--baseline", "black-box", "--epochs", "1"];
+    let over = ["train", "first/a.toml", "log.csv", "--out", "first"];
+    refused(&[&over[..], &again].concat(), "network.safetensors");
+    assert!(before == std::fs::read(&weights).unwrap());
+
+    let log = folder.join("first/metrics.jsonl");
+    std::fs::copy(folder.join("log.csv"), &log).unwrap();
+    let own = [
+        "train",
+        "sledge.toml",
+        "first/metrics.jsonl",
+        "--joint",
+        "x",
+    ];
+    refused(&[&own[..], &["--out", "first"]].concat(), "metrics.jsonl");
+    assert!(std::fs::read(&log).unwrap() == std::fs::read(folder.join("log.csv")).unwrap());
+}

@@ -11,14 +11,15 @@ use serde::Serialize;
 use super::Output;
 use super::interrupt::Interruptible;
 use crate::Error;
-use crate::disk::write_atomically;
+use crate::disk::{refuse_overwriting, write_atomically};
 use crate::learnt::Quantity;
 use crate::log::Log;
 use crate::model::Model;
 use crate::naming::{hint, quoted};
 use crate::network::Activation;
 use crate::train::{
-    Checkpoint, Epoch, Options, Trained, Training, fit_physics, train, weights_name, write_ensemble,
+    Checkpoint, Epoch, MODEL, Options, Trained, Training, fit_physics, train, weights_name,
+    write_ensemble,
 };
 
 /// What was done so far, in the folder of a training.
@@ -152,7 +153,7 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
     let given = output.load_model(&arguments.model)?;
     let model = match arguments.baseline {
         Some(Baseline::BlackBox) => given.without_mechanics(true)?,
-        _ => given,
+        _ => given.clone(),
     };
     let read = |paths: &[PathBuf]| {
         let logs = paths.iter().map(|path| output.read_log(path, &model));
@@ -165,7 +166,14 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
         options.alone = true;
     }
     let out = arguments.out.as_path();
-    refuse_overwriting(&model, out)?;
+    let count = usize::from(arguments.members);
+    let outputs = match arguments.baseline {
+        Some(Baseline::Ode) => vec![out.join(MODEL)],
+        _ => outputs(out, count),
+    };
+    let read = logs.iter().chain(&held_out).map(|log| log.path.as_path());
+    let inputs: Vec<&Path> = given.files().into_iter().chain(read).collect();
+    refuse_overwriting(&outputs, &inputs)?;
     std::fs::create_dir_all(out).map_err(|e| Error::io(out, e))?;
     let training = Training {
         model: &model,
@@ -175,7 +183,6 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
     if arguments.baseline == Some(Baseline::Ode) {
         return fit_alone(&training, options, out, output);
     }
-    let count = usize::from(arguments.members);
     let metrics: Vec<PathBuf> = (0..count)
         .map(|k| out.join(numbered(METRICS, k, count)))
         .collect();
@@ -227,9 +234,7 @@ fn fit_alone(
         ..options
     };
     let revision = fit_physics(training, &options)?;
-    let path = training
-        .model
-        .write_revision(out, "model.toml", &revision)?;
+    let path = training.model.write_revision(out, MODEL, &revision)?;
     let model = path.display().to_string();
     let text = format!("the model alone, fitted\nwritten:\n  {model}\n");
     output.result(&serde_json::json!({ "model": model }), &text)
@@ -314,13 +319,20 @@ fn options(arguments: &Arguments, seed: u64, model: &Model) -> Result<Options, E
     })
 }
 
-/// Said before the work, not after it.
-fn refuse_overwriting(model: &Model, out: &Path) -> Result<(), Error> {
-    let path = out.join("model.toml");
-    match (path.canonicalize(), model.path.canonicalize()) {
-        (Ok(new), Ok(old)) if new == old => Err(Error::OverwritesInput { path }),
-        _ => Ok(()),
-    }
+/// All files of a training of `count` networks.
+fn outputs(out: &Path, count: usize) -> Vec<PathBuf> {
+    let of_member = |k: usize| {
+        [
+            weights_name(k, count),
+            numbered(METRICS, k, count),
+            numbered(CHECKPOINT, k, count),
+        ]
+    };
+    let names = (0..count).flat_map(of_member);
+    names
+        .chain([MODEL.to_owned()])
+        .map(|name| out.join(name))
+        .collect()
 }
 
 /// Tells how the epochs go.

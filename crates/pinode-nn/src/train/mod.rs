@@ -45,6 +45,7 @@ pub use options::{Options, Start};
 pub use session::{Epoch, Session};
 
 use crate::Error;
+use crate::disk::refuse_overwriting;
 use crate::hybrid::{ConstantId, Hybrid};
 use crate::learnt::{Card, LearntForce, Names, Quantity, weights};
 use crate::log::Log;
@@ -53,6 +54,8 @@ use crate::network::{Activation, Mlp, Real, Shape};
 
 /// The name of the weights beside the model that uses them.
 pub const WEIGHTS: &str = "network.safetensors";
+/// The name of the model itself.
+pub const MODEL: &str = "model.toml";
 /// A network that corrects a model begins with this part of the usual weights in its last layer: near no force at all.
 const FIRST_OUTPUT: f64 = 0.1;
 
@@ -372,6 +375,9 @@ pub fn write_ensemble(members: &[Trained], model: &Model, dir: &Path) -> Result<
     let names: Vec<String> = (0..members.len())
         .map(|k| weights_name(k, members.len()))
         .collect();
+    let outputs = names.iter().map(String::as_str).chain([MODEL]);
+    let outputs: Vec<PathBuf> = outputs.map(|name| dir.join(name)).collect();
+    refuse_overwriting(&outputs, &model.files())?;
     for (member, name) in members.iter().zip(&names) {
         weights::write(&dir.join(name), &member.force, &member.card, member.single)?;
     }
@@ -390,5 +396,5 @@ pub fn write_ensemble(members: &[Trained], model: &Model, dir: &Path) -> Result<
             windows.unwrap_or_default()
         ),
     });
-    model.write_revision(dir, "model.toml", &revision)
+    model.write_revision(dir, MODEL, &revision)
 }
