@@ -14,7 +14,7 @@ use super::band::Band;
 use super::output::Output;
 use super::stepping::{Effort, Stepping};
 use crate::Error;
-use crate::disk::write_atomically;
+use crate::disk::{Staged, refuse_overwriting};
 use crate::entries::{q_names, starts, v_names};
 use crate::free_run::{Initial, LONGEST_STEP, initial_states};
 use crate::hybrid::Hybrid;
@@ -80,16 +80,13 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 
 pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     let model = output.load_model(&arguments.model)?;
-    let outputs = || std::iter::once(&arguments.out).chain(&arguments.band);
-    for input in std::iter::once(&arguments.model).chain(&arguments.log) {
-        for out in outputs() {
-            if let (Ok(input), Ok(same)) = (input.canonicalize(), out.canonicalize())
-                && input == same
-            {
-                return Err(Error::OverwritesInput { path: out.clone() });
-            }
-        }
-    }
+    let outputs: Vec<PathBuf> = std::iter::once(&arguments.out)
+        .chain(&arguments.band)
+        .cloned()
+        .collect();
+    let mut inputs = model.files();
+    inputs.extend(arguments.log.as_deref());
+    refuse_overwriting(&outputs, &inputs)?;
     let with_run = arguments.log.is_some();
     let mut band = Band::of(&model, arguments.band.as_ref(), with_run)?;
     let step = longest_step(arguments)?;
@@ -134,8 +131,11 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
         let id = arguments.log.is_some().then_some(run.id.as_str());
         write_rows(&mut text, &model, &run, id, &states)?;
     }
-    write_atomically(&arguments.out, &text)?;
-    band.as_ref().map_or(Ok(()), Band::write)?;
+    let mut staged = vec![Staged::write(&arguments.out, &text)?];
+    if let Some(band) = &band {
+        staged.extend(band.stage()?);
+    }
+    staged.into_iter().try_for_each(Staged::commit)?;
     let path = arguments.out.display().to_string();
     let left_training = guard.departures();
     output.departures(&left_training);
