@@ -376,10 +376,13 @@ impl<'a> Watch<'a> {
         // A Vec takes all.
         let _ = writeln!(self.lines, "{line}");
         write_atomically(&self.metrics, &self.lines)?;
-        let message = format!(
+        let mut message = format!(
             "loss {:.4}, held out {:.4} (best {:.4})",
             epoch.loss, epoch.held_out, self.best
         );
+        if epoch.held_out_diverged > 0 {
+            message += &format!(", {} windows held out diverge", epoch.held_out_diverged);
+        }
         self.bar.set_position(epoch.epoch as u64);
         self.bar.set_message(message.clone());
         let due = self.told.is_none_or(|told| told.elapsed() > EVERY);

@@ -28,6 +28,8 @@ mod loss;
 mod options;
 mod physics;
 mod session;
+#[cfg(test)]
+mod session_tests;
 mod starts;
 mod tangents;
 #[cfg(test)]
@@ -277,6 +279,18 @@ fn trained<T: Real>(
     without_network: Option<f64>,
 ) -> Result<Trained, Error> {
     let model = training.model;
+    let best_epoch = session.best_epoch();
+    let best = session
+        .history
+        .iter()
+        .find(|epoch| epoch.epoch == best_epoch);
+    let diverged = best.map_or(0, |epoch| epoch.held_out_diverged);
+    if 2 * diverged > session.windows_held_out() {
+        return Err(Error::Unfittable {
+            diverged,
+            windows: session.windows_held_out(),
+        });
+    }
     let force = session.force(&session.best)?;
     let seen = session.recordings.seen_states(force.features());
     let force = force.trained_on(&seen);
@@ -288,11 +302,6 @@ fn trained<T: Real>(
             inputs: &inputs,
         },
     );
-    let best_epoch = session.best_epoch();
-    let best = session
-        .history
-        .iter()
-        .find(|epoch| epoch.epoch == best_epoch);
     let file = |log: &Log| serde_json::json!({ "file": log.path.display().to_string(), "sha256": log.sha256 });
     let words = serde_json::json!({
         "program": concat!("pinode ", env!("CARGO_PKG_VERSION")),
@@ -306,6 +315,8 @@ fn trained<T: Real>(
         "best_epoch": best_epoch,
         "loss": best.map(|epoch| epoch.loss),
         "loss_held_out": best.map(|epoch| epoch.held_out),
+        "windows_held_out": session.windows_held_out(),
+        "windows_held_out_diverged": best.map(|epoch| epoch.held_out_diverged),
         "loss_held_out_without_network": without_network,
         "loss_in": match options.start {
             Start::Measured { .. } => "squares of SI units, from measured states",
