@@ -32,6 +32,17 @@ pub enum Initial {
     Past,
 }
 
+impl Initial {
+    /// As users call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Initial::Measured => "measured",
+            Initial::Estimated => "estimated",
+            Initial::Past => "past",
+        }
+    }
+}
+
 /// The states (q, v) of a run from which free runs can start, behind what its sensors read: one row a sample.
 pub fn initial_states(model: &Model, run: &Run, kind: Initial) -> Vec<Vec<f64>> {
     let coordinates = model.mechanics.coordinates();

@@ -68,6 +68,13 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
             evaluation.diverged, evaluation.windows
         ));
     }
+    if evaluation.fallen_back > 0 {
+        output.note(&format!(
+            "warning: {} of {} windows start from the measured state, not from that of the past: too little is measured before them, or the \
+             model does not get there",
+            evaluation.fallen_back, evaluation.windows
+        ));
+    }
     for warning in &evaluation.warnings {
         output.note(&format!("warning: {warning}"));
     }

@@ -56,5 +56,8 @@ fn windows_held_out_that_diverge_count_as_far_away() {
     session.learner.outputs[0].scale = 1e12;
     let (far, all) = session.held_out().unwrap();
     assert_eq!(all, session.windows_held_out());
-    assert!((far / 1e12 - 1.0).abs() < 1e-6 && near < 1e6, "{far} {near}");
+    assert!(
+        (far / 1e12 - 1.0).abs() < 1e-6 && near < 1e6,
+        "{far} {near}"
+    );
 }
