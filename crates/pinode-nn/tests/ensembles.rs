@@ -299,3 +299,23 @@ fn a_simulation_writes_over_no_weights_and_both_its_files_or_none() {
     }
     assert!(weights == std::fs::read(folder.join("weak.safetensors")).unwrap());
 }
+
+#[test]
+fn check_shows_what_a_network_acts_on_and_sees() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    sledge(folder);
+    let report = json(&["check", "sledge.toml", "--json"], folder);
+    let expected = serde_json::json!([{
+        "weights": ["weak.safetensors", "strong.safetensors"],
+        "joints": ["x"],
+        "sees": ["v.x"],
+        "parameters": 2,
+        "precision": "f64",
+        "alone": false,
+    }]);
+    assert_eq!(report["networks"], expected);
+    let text = String::from_utf8(pinode(&["check", "sledge.toml"], folder).stdout).unwrap();
+    let line = "on x: the mean of 2, each of 2 parameters (f64), sees v.x, from weak.safetensors, strong.safetensors";
+    assert!(text.contains(line), "{text}");
+}
