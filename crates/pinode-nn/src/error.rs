@@ -136,6 +136,16 @@ pub enum Error {
         /// Length asked for, s.
         horizon: f64,
     },
+    /// What tells a training when to stop is too short.
+    #[error(
+        "no window of {horizon} s fits into {part}: take a shorter horizon or longer recordings, or hold out other logs (--holdout)"
+    )]
+    NoWindowHeldOut {
+        /// Length asked for, s.
+        horizon: f64,
+        /// What is held out.
+        part: &'static str,
+    },
     /// The equations of a model are not ones that a network can be trained in.
     #[error(
         "a network cannot be trained beside {what}: take it out of the model, or fit it by `pinode diagnose`"

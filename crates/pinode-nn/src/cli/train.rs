@@ -134,6 +134,7 @@ struct Report<'a> {
     held_out: Option<f64>,
     held_out_without_network: Option<f64>,
     network: &'a crate::learnt::Card,
+    warnings: &'a [String],
     #[serde(skip_serializing_if = "Vec::is_empty")]
     members: Vec<Member>,
 }
@@ -219,6 +220,9 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
         return Ok(()); // at least one is trained
     };
     let report = report(&members, first, &path, out, &metrics);
+    for warning in report.warnings {
+        output.note(&format!("warning: {warning}"));
+    }
     output.result(&report, &text(&report))
 }
 
@@ -448,6 +452,7 @@ fn report<'a>(
         held_out: best(first).1,
         held_out_without_network: first.without_network,
         network: &first.card,
+        warnings: &first.warnings,
         members: if count > 1 { all } else { Vec::new() },
     }
 }

@@ -1,6 +1,7 @@
 //! Recordings, cut into the windows that a network is trained on.
 
 use std::collections::BTreeSet;
+use std::path::Path;
 
 use lagrange::Coordinate;
 
@@ -11,6 +12,7 @@ use crate::Error;
 use crate::diagnose::audit::{Masked, audit};
 use crate::diagnose::smooth::{Smoothed, smooth};
 use crate::entries::{refuse_poses, starts};
+use crate::evaluate::typical_interval;
 use crate::hybrid::{ConstantId, DrivenInputs, Hybrid};
 use crate::learnt::{Feature, Output, Quantity};
 use crate::log::Log;
@@ -29,6 +31,10 @@ pub(super) const OVERLAP: usize = 4;
 const HELD_OUT: usize = 8;
 /// No window spans an interval of more than so many usual ones.
 const LONG_GAP: f64 = 3.0;
+/// Recordings whose sample intervals are apart by more than this factor are not rolled out together.
+const ONE_RATE: f64 = 1.1;
+/// More integration steps between two samples are refused.
+const MOST_SUBSTEPS: f64 = 1000.0;
 /// The network can give so much more than the largest force that the data ask for.
 const RESERVE: f64 = 1.5;
 
@@ -47,6 +53,10 @@ pub(crate) struct Recordings {
     pub inputs: Vec<DrivenInputs>,
     /// Recordings from this one on are held out.
     fit_runs: usize,
+    /// The typical time between samples of each, s; no number where it has one sample.
+    intervals: Vec<f64>,
+    /// The recordings that have no window, and why.
+    pub left_out: Vec<String>,
     masked: Masked,
     targets: Vec<Target>,
     smoothed: Vec<Smoothed>,
@@ -95,10 +105,23 @@ impl Recordings {
             .iter()
             .map(|run| smooth(run, &wraps, SMOOTHING))
             .collect();
-        let interval = typical_interval(&observations);
+        let names: Vec<RunName> = run_names(logs, held_out).collect();
+        let intervals: Vec<f64> = (observations.runs.iter())
+            .map(|run| typical_interval(&run.t).unwrap_or(f64::NAN))
+            .collect();
+        let interval = one_interval(&names, &intervals)?;
         let substeps = (interval / options.longest_step * (1.0 - 1e-9))
             .ceil()
-            .max(1.0) as usize;
+            .max(1.0);
+        if substeps > MOST_SUBSTEPS {
+            return Err(Error::Training(format!(
+                "a longest step of {:e} s takes {substeps:e} steps in a sample interval of {interval:.6} s: {MOST_SUBSTEPS} are taken at \
+                 most; give a longer --step, {:e} s at least",
+                options.longest_step,
+                interval / MOST_SUBSTEPS
+            )));
+        }
+        let substeps = substeps as usize;
         let mut recordings = Recordings {
             loss: loss(&hybrid, &observations, options),
             targets: targets(
@@ -114,6 +137,8 @@ impl Recordings {
             theta,
             smoothed,
             fit_runs,
+            intervals,
+            left_out: Vec::new(),
             masked: audited.masked,
             substeps,
             horizon: (options.horizon / interval).round().max(1.0) as usize,
@@ -125,11 +150,18 @@ impl Recordings {
         let horizon = recordings.horizon;
         [recordings.seen.windows, _] = recordings.cut(horizon, horizon.div_ceil(OVERLAP));
         [_, recordings.held_out.windows] = recordings.cut(horizon, horizon);
-        if recordings.seen.windows.is_empty() || recordings.held_out.windows.is_empty() {
-            return Err(Error::NoWindow {
-                horizon: interval * recordings.horizon as f64,
-            });
+        let horizon = interval * recordings.horizon as f64;
+        if recordings.seen.windows.is_empty() {
+            return Err(Error::NoWindow { horizon });
         }
+        if recordings.held_out.windows.is_empty() {
+            let part = match held_out.is_empty() {
+                true => "the last eighth of each recording, which is held out",
+                false => "the logs that are held out",
+            };
+            return Err(Error::NoWindowHeldOut { horizon, part });
+        }
+        recordings.left_out = recordings.without_window(&names);
         recordings.seen.starts = recordings.measured(&recordings.seen.windows, options);
         recordings.held_out.starts = recordings.measured(&recordings.held_out.windows, options);
         if options.physics {
@@ -161,7 +193,6 @@ impl Recordings {
     /// Windows of `horizon` sample intervals, each `stride` after the one before: those that are learnt from, and those held out.
     pub(super) fn cut(&self, horizon: usize, stride: usize) -> [Vec<Window>; 2] {
         let given = self.fit_runs < self.observations.runs.len();
-        let typical = typical_interval(&self.observations);
         let mut sides = [Vec::new(), Vec::new()];
         for (run, observed) in self.observations.runs.iter().enumerate() {
             let t = &observed.t;
@@ -169,7 +200,7 @@ impl Recordings {
             let mut first = 0;
             while first + horizon < t.len() {
                 let last = first + horizon;
-                let gap = (first..last).find(|&k| t[k + 1] - t[k] > LONG_GAP * typical);
+                let gap = (first..last).find(|&k| self.is_gap(run, k));
                 if let Some(k) = gap {
                     first = k + 1;
                     continue;
@@ -192,6 +223,34 @@ impl Recordings {
             }
         }
         sides.map(|windows| self.masked.leave(windows, &self.observations))
+    }
+
+    /// Whether no window spans the interval after a sample.
+    fn is_gap(&self, run: usize, sample: usize) -> bool {
+        let t = &self.observations.runs[run].t;
+        t[sample + 1] - t[sample] > LONG_GAP * self.intervals[run]
+    }
+
+    /// The recordings that have no window, and why.
+    fn without_window(&self, names: &[RunName]) -> Vec<String> {
+        let windows = self.seen.windows.iter().chain(&self.held_out.windows);
+        let used: BTreeSet<usize> = windows.map(|window| window.run).collect();
+        let unused = names.iter().enumerate().filter(|(k, _)| !used.contains(k));
+        let needed = self.horizon + 1;
+        let why = |run: usize| {
+            let samples = self.observations.runs[run].t.len();
+            if samples < needed {
+                return format!("it has {samples} samples that count, and a window {needed}");
+            }
+            let gaps = (0..samples - 1).filter(|&k| self.is_gap(run, k)).count();
+            format!(
+                "{needed} samples of a window are not together in it: it has {gaps} gaps of more than {LONG_GAP} sample intervals, \
+                 and what is held out and what the audit calls faulty is taken apart"
+            )
+        };
+        unused
+            .map(|(run, name)| format!("{name} is not used: {}", why(run)))
+            .collect()
     }
 
     /// The states at the beginning of windows: measured, or smoothed.
@@ -438,14 +497,56 @@ fn targets(
         .collect()
 }
 
-/// The median time between samples, s.
-fn typical_interval(observations: &Observations) -> f64 {
-    let pairs = |t: &[f64]| t.windows(2).map(|p| p[1] - p[0]).collect::<Vec<_>>();
-    let mut intervals: Vec<f64> = observations
-        .runs
-        .iter()
-        .flat_map(|run| pairs(&run.t))
-        .collect();
-    intervals.sort_by(f64::total_cmp);
-    intervals.get(intervals.len() / 2).copied().unwrap_or(1.0)
+/// A recording, as messages call it.
+struct RunName<'a> {
+    log: &'a Path,
+    run: &'a str,
+}
+
+impl std::fmt::Display for RunName<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "run `{}` of {}", self.run, self.log.display())
+    }
+}
+
+/// The recordings in the order of the observations.
+fn run_names<'a>(logs: &'a [Log], held_out: &'a [Log]) -> impl Iterator<Item = RunName<'a>> {
+    let of = |log: &'a Log| {
+        let runs = log.runs.iter();
+        runs.map(|run| RunName {
+            log: &log.path,
+            run: &run.id,
+        })
+    };
+    logs.iter().chain(held_out).flat_map(of)
+}
+
+/// The time between samples, s, that all recordings share: windows are rolled out together, sample by sample.
+///
+/// # Errors
+/// [`Error::Training`] where they have different ones.
+fn one_interval(names: &[RunName], intervals: &[f64]) -> Result<f64, Error> {
+    let of_runs = || intervals.iter().copied().filter(|x| x.is_finite());
+    let (least, most) = (
+        of_runs().fold(f64::INFINITY, f64::min),
+        of_runs().fold(0.0, f64::max),
+    );
+    if most > ONE_RATE * least {
+        let mut told: Vec<f64> = Vec::new();
+        let mut list = Vec::new();
+        for (name, &interval) in names.iter().zip(intervals) {
+            let near = |x: &f64| *x <= ONE_RATE * interval && interval <= ONE_RATE * x;
+            if interval.is_finite() && !told.iter().any(near) {
+                told.push(interval);
+                list.push(format!("{interval:.6} s in {name}"));
+            }
+        }
+        return Err(Error::Training(format!(
+            "the time between samples is {}; a window has as many samples in one log as in another: train on logs of one rate",
+            list.join(", ")
+        )));
+    }
+    let mut all: Vec<f64> = of_runs().collect();
+    all.sort_by(f64::total_cmp);
+    Ok(all.get(all.len() / 2).copied().unwrap_or(1.0))
 }

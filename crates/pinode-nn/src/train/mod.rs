@@ -98,13 +98,15 @@ pub struct Trained {
     pub without_network: Option<f64>,
     /// Whether it was computed in 32 bits.
     pub single: bool,
+    /// What should be known of it: recordings that were not used.
+    pub warnings: Vec<String>,
 }
 
 /// Trains a network; `each` hears of every epoch and ends the training by an error.
 ///
 /// # Errors
-/// [`Error::Training`] when the options fit no model, [`Error::NotTrainable`], [`Error::Floating`], [`Error::NoWindow`] when the recordings are too
-/// short, [`Error::Unfittable`] when most roll-outs diverge, [`Error::Checkpoint`], and those of `each`.
+/// [`Error::Training`] when the options fit no model, [`Error::NotTrainable`], [`Error::Floating`], [`Error::NoWindow`] and [`Error::NoWindowHeldOut`] when the
+/// recordings are too short, [`Error::Unfittable`] when most roll-outs diverge, [`Error::Checkpoint`], and those of `each`.
 pub fn train(
     training: &Training<'_>,
     options: &Options,
@@ -336,6 +338,7 @@ fn trained<T: Real>(
         best_epoch,
         without_network,
         single: options.single,
+        warnings: session.recordings.left_out.clone(),
     })
 }
 

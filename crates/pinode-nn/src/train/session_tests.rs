@@ -61,3 +61,71 @@ fn windows_held_out_that_diverge_count_as_far_away() {
         "{far} {near}"
     );
 }
+
+/// Of a log of 50 Hz and one of 10 Hz every interval of the slow one counted as a gap: it was not used, and nobody heard of it.
+#[test]
+fn logs_of_different_rates_are_refused_by_their_names_and_intervals() {
+    let model = sledge();
+    let [fast, slow] = [("fast.csv", 0.02), ("slow.csv", 0.1)]
+        .map(|(name, interval)| log(name, interval, 40.0, &model));
+    let refusal = |logs: &[Log], held_out: &[Log]| {
+        let training = Training {
+            model: &model,
+            logs,
+            held_out,
+        };
+        let refused = Session::<f64>::new(&training, &options()).err();
+        refused.map_or(String::new(), |e| e.to_string())
+    };
+    let both = [fast.clone(), slow.clone()];
+    for words in [refusal(&both, &[]), refusal(&both[..1], &both[1..])] {
+        assert!(
+            words.contains("0.020000 s in run `0` of fast.csv")
+                && words.contains("0.100000 s in run `0` of slow.csv"),
+            "{words}"
+        );
+    }
+    // One of them alone is all right.
+    assert_eq!(refusal(&[slow], &[]), "");
+}
+
+#[test]
+fn a_recording_without_a_window_is_named() {
+    let model = sledge();
+    let [long, mut short] = [("long.csv", 20.0), ("short.csv", 0.3)]
+        .map(|(name, duration)| log(name, 0.02, duration, &model));
+    short.runs[0].id = "hop".to_owned();
+    let logs = [long, short];
+    let training = Training {
+        model: &model,
+        logs: &logs,
+        held_out: &[],
+    };
+    let options = options();
+    let session = Session::<f64>::new(&training, &options).unwrap();
+    let [warning] = session.recordings.left_out.as_slice() else {
+        panic!("one recording is left out")
+    };
+    assert!(
+        warning.contains("run `hop` of short.csv is not used"),
+        "{warning}"
+    );
+}
+
+#[test]
+fn what_is_held_out_is_named_where_it_is_too_short() {
+    let model = sledge();
+    let logs = [log("log.csv", 0.02, 8.0, &model)];
+    let training = Training {
+        model: &model,
+        logs: &logs,
+        held_out: &[],
+    };
+    let options = Options {
+        horizon: 2.0,
+        ..options()
+    };
+    let refused = Session::<f64>::new(&training, &options).err();
+    let words = refused.map_or(String::new(), |e| e.to_string());
+    assert!(words.contains("fits into the last eighth"), "{words}");
+}
