@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use crate::Error;
 use crate::entries::refuse_poses;
-use crate::free_run::{FreeRun, Initial, LONGEST_STEP, initial_states};
+use crate::free_run::{FreeRun, Initial, LONGEST_STEP, initial_states, longest_step, step_warning};
 use crate::hybrid::{DrivenInputs, Hybrid, Reading};
 use crate::learnt::{Departure, Guard, Tally};
 use crate::log::{Log, Run};
@@ -59,7 +59,7 @@ pub struct Evaluation {
     pub fallen_back: usize,
     /// Positions, then those velocities that the logs have.
     pub coordinates: Vec<SignalError>,
-    /// What should be known of the logs: gaps that no window spans.
+    /// What should be known of the logs: gaps that no window spans, steps that were not taken as asked for.
     pub warnings: Vec<String>,
     /// The networks of the model that left what they were trained on in a window, diverged ones too.
     pub left_training: Vec<Departure>,
@@ -222,7 +222,15 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
         initial: options.initial.name(),
         fallen_back: begun.fallen_back,
         coordinates: errors,
-        warnings: runs.iter().filter_map(|run| gap_warning(run)).collect(),
+        warnings: runs
+            .iter()
+            .flat_map(|run| {
+                let spanned = GAP * typical_interval(&run.t).unwrap_or(0.0);
+                let taken = longest_step(&run.t, spanned, options.longest_step);
+                let steps = step_warning(&run.id, taken, options.longest_step);
+                gap_warning(run).into_iter().chain(steps)
+            })
+            .collect(),
         left_training: guard.departures(),
     })
 }

@@ -239,6 +239,32 @@ fn what_cannot_be_trained_is_said_before_the_work() {
         (&["--joint", "x", "--units", "0"], "has no unit"),
         (&["--joint", "x", "--horizon", "80"], "no window of 79.99"),
         (&["--joint", "x", "--rate", "0"], "learning rate is 0"),
+        (
+            &["--joint", "x", "--step", "1e-300"],
+            "give a longer --step",
+        ),
+        (&["--joint", "x", "--step", "1e-9"], "2e7 steps in a sample"),
+        (
+            &["--joint", "x", "--units", "100000000,100000"],
+            "layer of 100000000 units is too large",
+        ),
+        (
+            &["--joint", "x", "--units", "4096,4096"],
+            "10000000 at most",
+        ),
+        (
+            &[
+                "--joint",
+                "x",
+                "--units",
+                "4096",
+                "--horizon",
+                "8",
+                "--step",
+                "1e-3",
+            ],
+            "GB of memory",
+        ),
     ];
     for (arguments, expected) in cases {
         let all = [
@@ -293,4 +319,16 @@ fn a_training_does_not_write_over_what_it_reads() {
     ];
     refused(&[&own[..], &["--out", "first"]].concat(), "metrics.jsonl");
     assert!(std::fs::read(&log).unwrap() == std::fs::read(folder.join("log.csv")).unwrap());
+}
+
+/// Room for all of the batch that was asked for was taken before anything else.
+#[test]
+fn a_batch_of_more_windows_than_there_are_is_one_of_all() {
+    let folder = folder();
+    let folder = folder.path();
+    let more = ["--epochs", "1", "--quiet", "--out", "out"];
+    let batch = ["--batch", "1000000000000"];
+    let output = pinode(&[TRAIN, &more, &batch].concat(), folder);
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{words}");
 }

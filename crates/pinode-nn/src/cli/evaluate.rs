@@ -75,9 +75,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
             evaluation.fallen_back, evaluation.windows
         ));
     }
-    for warning in &evaluation.warnings {
-        output.note(&format!("warning: {warning}"));
-    }
+    output.warnings(&evaluation.warnings);
     output.departures(&evaluation.left_training);
     output.result(&evaluation, &text(&evaluation))
 }

@@ -16,7 +16,9 @@ use super::stepping::{Effort, Stepping};
 use crate::Error;
 use crate::disk::{Staged, refuse_overwriting};
 use crate::entries::{q_names, starts, v_names};
-use crate::free_run::{Initial, LONGEST_STEP, initial_states};
+use crate::free_run::{
+    Initial, LONGEST_STEP, initial_states, longest_step as longest_taken, step_warning,
+};
 use crate::hybrid::Hybrid;
 use crate::learnt::Guard;
 use crate::log::Run;
@@ -101,6 +103,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     };
     let mut text = header(&model, arguments.log.is_some()).into_bytes();
     let (mut samples, mut effort) = (0, Effort::default());
+    let (mut taken, mut warnings) = (step, Vec::new());
     let mut guard = Guard::new(&model);
     for mut run in runs {
         if let Some(duration) = arguments.duration {
@@ -123,6 +126,11 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
             .method
             .simulate(&model, &run, &initial, fineness, &mut effort)?;
         samples += states.len();
+        if let Stepping::Fixed(_) = arguments.method {
+            let longest = longest_taken(&run.t, f64::INFINITY, step);
+            warnings.extend(step_warning(&run.id, longest, step));
+            taken = taken.max(longest);
+        }
         guard.watch(&run.id, &run.t, &run.u, &states);
         if let Some(band) = &mut band {
             let run = (&run, with_run);
@@ -139,10 +147,13 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     let path = arguments.out.display().to_string();
     let left_training = guard.departures();
     output.departures(&left_training);
-    let mut document = json!({ "out": path, "samples": samples, "left_training": left_training });
+    output.warnings(&warnings);
+    let mut document = json!({
+        "out": path, "samples": samples, "left_training": left_training, "warnings": warnings,
+    });
     let mut text = format!("{samples} samples written to {path}\n");
     match arguments.method {
-        Stepping::Fixed(_) => document["longest_step_s"] = json!(step),
+        Stepping::Fixed(_) => document["longest_step_s"] = json!(taken),
         Stepping::Adapting(_) => {
             document["relative_tolerance"] = json!(tolerance);
             document["effort"] = effort.document();

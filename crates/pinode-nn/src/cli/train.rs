@@ -220,9 +220,7 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
         return Ok(()); // at least one is trained
     };
     let report = report(&members, first, &path, out, &metrics);
-    for warning in report.warnings {
-        output.note(&format!("warning: {warning}"));
-    }
+    output.warnings(report.warnings);
     output.result(&report, &text(&report))
 }
 

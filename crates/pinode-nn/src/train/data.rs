@@ -33,7 +33,9 @@ const HELD_OUT: usize = 8;
 const LONG_GAP: f64 = 3.0;
 /// Recordings whose sample intervals are apart by more than this factor are not rolled out together.
 const ONE_RATE: f64 = 1.1;
-/// More integration steps between two samples are refused.
+/// Batches whose roll-outs take more memory are refused.
+const MOST_BYTES: f64 = 16e9;
+/// So are more integration steps between two samples.
 const MOST_SUBSTEPS: f64 = 1000.0;
 /// The network can give so much more than the largest force that the data ask for.
 const RESERVE: f64 = 1.5;
@@ -162,6 +164,7 @@ impl Recordings {
             return Err(Error::NoWindowHeldOut { horizon, part });
         }
         recordings.left_out = recordings.without_window(&names);
+        recordings.check_room(options)?;
         recordings.seen.starts = recordings.measured(&recordings.seen.windows, options);
         recordings.held_out.starts = recordings.measured(&recordings.held_out.windows, options);
         if options.physics {
@@ -223,6 +226,28 @@ impl Recordings {
             }
         }
         sides.map(|windows| self.masked.leave(windows, &self.observations))
+    }
+
+    /// Whether the roll-outs of a batch fit into the memory that a training may take.
+    fn check_room(&self, options: &Options) -> Result<(), Error> {
+        let windows = self.seen.windows.len().max(self.held_out.windows.len());
+        let windows = windows.min(options.batch);
+        let steps = self.horizon * self.substeps;
+        // Values and slopes of all units, and the linearised mechanics, at four stages a step.
+        let units: usize = options.units.iter().sum();
+        let n = self.hybrid.nx();
+        let wide = if options.single { 4 } else { 8 };
+        let of_stage = (4 * units * wide + 2 * n * n * 8) as f64;
+        let bytes = 4.0 * of_stage * steps as f64 * windows as f64;
+        if bytes <= MOST_BYTES {
+            return Ok(());
+        }
+        Err(Error::Training(format!(
+            "a batch of {windows} windows of {steps} steps takes some {:.0} GB of memory, and {:.0} at most are taken: give a smaller \
+             --batch, a shorter --horizon, a longer --step or fewer --units",
+            bytes / 1e9,
+            MOST_BYTES / 1e9
+        )))
     }
 
     /// Whether no window spans the interval after a sample.

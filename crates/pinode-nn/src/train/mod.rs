@@ -58,6 +58,9 @@ use crate::network::{Activation, Mlp, Real, Shape};
 pub const WEIGHTS: &str = "network.safetensors";
 /// The name of the model itself.
 pub const MODEL: &str = "model.toml";
+/// A larger layer is refused, and a larger network.
+const MOST_UNITS: usize = 4096;
+const MOST_PARAMETERS: usize = 10_000_000;
 /// A network that corrects a model begins with this part of the usual weights in its last layer: near no force at all.
 const FIRST_OUTPUT: f64 = 0.1;
 
@@ -158,16 +161,17 @@ impl<'a, T: Real> Session<'a, T> {
     pub fn new(training: &Training<'_>, options: &'a Options) -> Result<Self, Error> {
         check(training.model, options)?;
         let model = training.model;
-        let recordings = Recordings::new(model, training.logs, training.held_out, options)?;
         let quantities = match options.quantities.is_empty() {
             true => usual_quantities(model.mechanics.coordinates(), model.inputs.len()),
             false => options.quantities.clone(),
         };
+        let mut sizes = vec![quantities.len()];
+        sizes.extend(&options.units);
+        sizes.push(options.joints.len());
+        check_size(&sizes)?;
+        let recordings = Recordings::new(model, training.logs, training.held_out, options)?;
         let features = recordings.features(&quantities);
         let outputs = recordings.outputs(&options.joints);
-        let mut sizes = vec![features.len()];
-        sizes.extend(&options.units);
-        sizes.push(outputs.len());
         let shape = Shape::new(&sizes, options.hidden, Activation::Tanh)
             .map_err(|e| Error::Training(e.to_string()))?;
         let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
@@ -186,6 +190,24 @@ impl<'a, T: Real> Session<'a, T> {
         };
         Ok(Session::of(recordings, options, learner))
     }
+}
+
+/// Whether a network with layers of these sizes can be trained.
+fn check_size(sizes: &[usize]) -> Result<(), Error> {
+    let hidden = &sizes[1..sizes.len() - 1];
+    if let Some(units) = hidden.iter().find(|units| **units > MOST_UNITS) {
+        return Err(Error::Training(format!(
+            "a hidden layer of {units} units is too large: {MOST_UNITS} at most, give fewer by --units"
+        )));
+    }
+    // At most MOST_UNITS² a layer, and no list of layers is so long that this overflows.
+    let parameters: usize = sizes.windows(2).map(|pair| (pair[0] + 1) * pair[1]).sum();
+    if parameters > MOST_PARAMETERS {
+        return Err(Error::Training(format!(
+            "a network of {parameters} parameters is too large: {MOST_PARAMETERS} at most, give fewer or smaller layers by --units"
+        )));
+    }
+    Ok(())
 }
 
 /// What is not all right with the options.

@@ -67,8 +67,11 @@ impl<'a, T: Real> Session<'a, T> {
         let steps = recordings.horizon * recordings.substeps;
         let chunks = {
             let setting = setting(&recordings);
-            (0..options.batch.div_ceil(CHUNK))
-                .map(|_| Chunk::new(&setting, &learner, options.batch, steps))
+            let windows = recordings.seen.windows.len();
+            let windows = windows.max(recordings.held_out.windows.len());
+            let most = options.batch.min(windows);
+            (0..most.div_ceil(CHUNK))
+                .map(|_| Chunk::new(&setting, &learner, most, steps))
                 .collect()
         };
         Session {
