@@ -249,6 +249,17 @@ fn check(model: &Model, options: &Options) -> Result<(), Error> {
                 .to_owned(),
         );
     }
+    for quantity in &options.quantities {
+        if let Quantity::Position(c) = *quantity
+            && let Some(coordinate) = coordinates.get(c).filter(|c| c.wraps)
+        {
+            let name = &coordinate.name;
+            return fault(format!(
+                "the network is to see q.{name}, an angle that wraps: the same angle has many readings, and they jump; let it see \
+                 cos(q.{name}) and sin(q.{name})"
+            ));
+        }
+    }
     for (name, value) in [("batch", options.batch), ("epochs", options.epochs)] {
         if value == 0 {
             return fault(format!("`{name}` is 0: it must be at least 1"));

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::session::Session;
 use super::{Options, Training};
+use crate::learnt::Quantity;
 use crate::log::{Channels, Log};
 use crate::model::Model;
 
@@ -128,4 +129,30 @@ fn what_is_held_out_is_named_where_it_is_too_short() {
     let refused = Session::<f64>::new(&training, &options).err();
     let words = refused.map_or(String::new(), |e| e.to_string());
     assert!(words.contains("fits into the last eighth"), "{words}");
+}
+
+#[test]
+fn an_angle_that_wraps_is_seen_by_its_cosine_and_sine_alone() {
+    let turns = SLEDGE.replace("coordinates", "angles = [\"x\"]\ncoordinates");
+    let model = Model::parse("wheel.toml".as_ref(), turns).unwrap();
+    let logs = [log("log.csv", 0.02, 20.0, &model)];
+    let training = Training {
+        model: &model,
+        logs: &logs,
+        held_out: &[],
+    };
+    let refused = |quantities: &[Quantity]| {
+        let options = Options {
+            quantities: quantities.to_vec(),
+            ..options()
+        };
+        let refused = Session::<f64>::new(&training, &options).err();
+        refused.map_or(String::new(), |e| e.to_string())
+    };
+    let words = refused(&[Quantity::Velocity(0), Quantity::Position(0)]);
+    assert!(
+        words.contains("let it see cos(q.x) and sin(q.x)"),
+        "{words}"
+    );
+    assert_eq!(refused(&[Quantity::Cosine(0), Quantity::Sine(0)]), "");
 }
