@@ -154,6 +154,17 @@ pub enum Error {
         /// What it has.
         what: &'static str,
     },
+    /// A coordinate has a name that no formula can have.
+    #[error(
+        "a model without mechanics is written in formulas of its coordinates: {what}; rename the joint `{joint}`, and put single joints in \
+         place of a planar one"
+    )]
+    NoFormula {
+        /// The joint.
+        joint: String,
+        /// What is wrong with the name.
+        what: String,
+    },
     /// What training is asked for makes no sense.
     #[error("{0}")]
     Training(String),

@@ -165,6 +165,8 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
     if arguments.baseline == Some(Baseline::BlackBox) {
         options.joints = (0..model.mechanics.coordinates().len()).collect();
         options.alone = true;
+        // Nothing of the model is left to be fitted.
+        options.physics = false;
     }
     let out = arguments.out.as_path();
     let count = usize::from(arguments.members);
