@@ -2,6 +2,7 @@
 
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use sha2::{Digest, Sha256};
 use tempfile::NamedTempFile;
@@ -13,10 +14,40 @@ pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     Staged::write(path, bytes)?.commit()
 }
 
+/// How many files are written beside their places at the moment.
+static OPEN: Mutex<usize> = Mutex::new(0);
+
+fn open_files() -> MutexGuard<'static, usize> {
+    OPEN.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A guard under which no file is begun, where none is half written: a process that ends under it leaves none behind.
+pub(crate) fn nothing_open() -> Option<impl Sized> {
+    Some(open_files()).filter(|open| **open == 0)
+}
+
+/// Counts among [`OPEN`] while it lives.
+struct Open(());
+
+impl Open {
+    fn new() -> Self {
+        *open_files() += 1;
+        Open(())
+    }
+}
+
+impl Drop for Open {
+    fn drop(&mut self) {
+        *open_files() -= 1;
+    }
+}
+
 /// A file that is written beside its place and not yet in it; gone when dropped.
 pub(crate) struct Staged {
     path: PathBuf,
     file: NamedTempFile,
+    /// Dropped after the file.
+    open: Open,
 }
 
 impl Staged {
@@ -27,21 +58,24 @@ impl Staged {
         if path.is_dir() {
             return Err(io(ErrorKind::IsADirectory.into()));
         }
+        let open = Open::new();
         let mut file = beside(path)?;
         file.write_all(bytes).map_err(io)?;
         file.as_file().sync_all().map_err(io)?;
         Ok(Staged {
             path: path.to_owned(),
             file,
+            open,
         })
     }
 
     /// Renames it to its place.
     pub fn commit(self) -> Result<(), Error> {
-        let Staged { path, file } = self;
-        file.persist(&path)
-            .map(drop)
-            .map_err(|e| Error::io(&path, e.error))
+        let Staged { path, file, open } = self;
+        let renamed = file.persist(&path).map(drop);
+        let renamed = renamed.map_err(|e| Error::io(&path, e.error));
+        drop(open);
+        renamed
     }
 }
 
@@ -109,6 +143,20 @@ mod tests {
     #![allow(clippy::unwrap_used)]
 
     use super::*;
+
+    /// Ctrl-C during a write left a temporary file behind.
+    #[test]
+    fn while_a_file_is_half_written_the_process_does_not_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.csv");
+        let staged = Staged::write(&path, b"1").unwrap();
+        assert!(nothing_open().is_none());
+        staged.commit().unwrap();
+        // Other tests write as well, each for a moment.
+        while nothing_open().is_none() {
+            std::thread::yield_now();
+        }
+    }
 
     #[test]
     fn an_output_is_neither_an_input_nor_another_output_under_another_name() {

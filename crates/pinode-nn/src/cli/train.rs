@@ -189,6 +189,9 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
     let metrics: Vec<PathBuf> = (0..count)
         .map(|k| out.join(numbered(METRICS, k, count)))
         .collect();
+    let checkpoints: Vec<PathBuf> = (0..count)
+        .map(|k| out.join(numbered(CHECKPOINT, k, count)))
+        .collect();
     let mut members = Vec::new();
     for (k, metrics) in metrics.iter().enumerate() {
         let options = Options {
@@ -199,9 +202,11 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
             output.note(&format!("member {} of {count}", k + 1));
         }
         let checkpoint = Checkpoint {
-            path: out.join(numbered(CHECKPOINT, k, count)),
+            path: checkpoints[k].clone(),
             resume: arguments.resume,
         };
+        let so_far = checkpoints[..=k].to_vec();
+        let _interruptible = Interruptible::training(so_far, output.quiet);
         members.push(train_one(
             &training,
             &options,
@@ -210,13 +215,13 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
             output,
         )?);
     }
-    let checkpoints = || (0..count).map(|k| out.join(numbered(CHECKPOINT, k, count)));
-    let interruptible =
-        Interruptible::training(checkpoints().next_back().unwrap_or_default(), output.quiet);
+    let interruptible = Interruptible::training(checkpoints.clone(), output.quiet);
     let whole = interruptible.wait();
     let path = write_ensemble(&members, &model, out)?;
     // Finished: there is nothing to go on with.
-    checkpoints().for_each(|checkpoint| drop(std::fs::remove_file(checkpoint)));
+    for checkpoint in &checkpoints {
+        let _ = std::fs::remove_file(checkpoint);
+    }
     drop(whole);
     let Some(first) = members.first() else {
         return Ok(()); // at least one is trained
@@ -252,7 +257,6 @@ fn train_one(
     metrics: &Path,
     output: &Output,
 ) -> Result<Trained, Error> {
-    let _interruptible = Interruptible::training(checkpoint.path.clone(), output.quiet);
     let mut watch = Watch::new(output, options, metrics.to_owned());
     train(training, options, Some(checkpoint), &mut |epoch| {
         watch.epoch(epoch)
