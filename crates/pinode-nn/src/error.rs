@@ -50,7 +50,7 @@ pub enum Error {
     /// The model as given cannot be simulated over the log.
     #[error(
         "the model as given diverges in {diverged} of {windows} windows of the log: check units, signs and the order of columns \
-         (`pinode check` prints what the model expects)"
+         (`pinode check` prints what the model expects), or take a shorter step (--step): stiff forces need one"
     )]
     Unfittable {
         /// Windows in which it diverges.
@@ -194,12 +194,12 @@ pub enum Error {
         /// The number.
         value: f64,
     },
-    /// A checkpoint is of another training.
-    #[error("{} is of another training: {what}; train without --resume, or in another folder", path.display())]
+    /// A training cannot go on from a checkpoint: it is damaged, or of another training.
+    #[error("{} {what}; train without --resume, or in another folder", path.display())]
     Checkpoint {
         /// The file.
         path: PathBuf,
-        /// In what they differ.
+        /// What is wrong with it.
         what: String,
     },
     /// A coordinate is a pose, and the work asked for takes one number a coordinate.
