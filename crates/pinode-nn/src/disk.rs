@@ -1,5 +1,6 @@
 //! Writing files whole or not at all; fingerprints.
 
+use std::ffi::OsStr;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -79,6 +80,79 @@ impl Staged {
     }
 }
 
+/// Files that come into a folder together, or not at all.
+pub(crate) struct Together<'a> {
+    dir: &'a Path,
+    /// Names, the hashes of what they hold, and what is not there yet.
+    files: Vec<(String, String, Option<Staged>)>,
+}
+
+impl<'a> Together<'a> {
+    /// None yet.
+    pub fn new(dir: &'a Path) -> Self {
+        let files = Vec::new();
+        Together { dir, files }
+    }
+
+    /// The folder.
+    pub fn dir(&self) -> &'a Path {
+        self.dir
+    }
+
+    /// A file under this name, in place of what is there; the folder is made where it is missing.
+    pub fn put(&mut self, name: &str, bytes: &[u8]) -> Result<(), Error> {
+        std::fs::create_dir_all(self.dir).map_err(|e| Error::io(self.dir, e))?;
+        let staged = Staged::write(&self.dir.join(name), bytes)?;
+        let hash = sha256(bytes);
+        self.files.push((name.to_owned(), hash, Some(staged)));
+        Ok(())
+    }
+
+    /// A file under the name that `path` has, which is returned; where another file has it, part of the hash is added.
+    pub fn put_beside(&mut self, path: &Path, bytes: &[u8]) -> Result<String, Error> {
+        let part = |part: Option<&OsStr>| {
+            part.map_or("robot".into(), |p| p.to_string_lossy().into_owned())
+        };
+        let name = part(path.file_name());
+        let hash = sha256(bytes);
+        let there = self.dir.join(&name);
+        let coming = self.files.iter().find(|(coming, ..)| *coming == name);
+        let free = match coming {
+            Some((_, held, _)) if *held == hash => return Ok(name),
+            Some(_) => false,
+            None if holds(&there, bytes)? => return Ok(name),
+            None => !there.exists(),
+        };
+        if free {
+            self.put(&name, bytes)?;
+            return Ok(name);
+        }
+        let short = hash.get(..12).unwrap_or(&hash);
+        let (stem, ending) = (part(path.file_stem()), path.extension());
+        let ending = ending.map_or("urdf".into(), |e| e.to_string_lossy().into_owned());
+        let name = format!("{stem}-{short}.{ending}");
+        if !holds(&self.dir.join(&name), bytes)? {
+            self.put(&name, bytes)?;
+        }
+        Ok(name)
+    }
+
+    /// Gives all their names, in the order in which they were put.
+    pub fn commit(self) -> Result<(), Error> {
+        let mut staged = self.files.into_iter().filter_map(|(.., staged)| staged);
+        staged.try_for_each(Staged::commit)
+    }
+}
+
+/// Whether the file at `path` is there and holds `bytes`.
+fn holds(path: &Path, expected: &[u8]) -> Result<bool, Error> {
+    match std::fs::read(path) {
+        Ok(bytes) => Ok(bytes == expected),
+        Err(e) if e.kind() == ErrorKind::NotFound => Ok(false),
+        Err(e) => Err(Error::io(path, e)),
+    }
+}
+
 /// The folder that a file is in.
 fn folder_of(path: &Path) -> &Path {
     match path.parent() {
@@ -143,6 +217,30 @@ mod tests {
     #![allow(clippy::unwrap_used)]
 
     use super::*;
+
+    #[test]
+    fn files_come_together_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let dir = folder.path().join("out");
+        std::fs::create_dir_all(dir.join("model.toml")).unwrap();
+        let mut files = Together::new(&dir);
+        files.put("weights", b"new").unwrap();
+        assert!(files.put("model.toml", b"m").is_err());
+        drop(files);
+        assert_eq!(std::fs::read_dir(&dir).unwrap().count(), 1);
+
+        let mut files = Together::new(&dir);
+        files.put("weights", b"new").unwrap();
+        // What comes is in the way as much as what is there.
+        let kept = files.put_beside("elsewhere/weights".as_ref(), b"old");
+        let kept = kept.unwrap();
+        assert!(kept.starts_with("weights-"), "{kept}");
+        let same = files.put_beside("other/weights".as_ref(), b"new").unwrap();
+        assert_eq!(same, "weights");
+        files.commit().unwrap();
+        assert_eq!(std::fs::read(dir.join("weights")).unwrap(), b"new");
+        assert_eq!(std::fs::read(dir.join(kept)).unwrap(), b"old");
+    }
 
     /// Ctrl-C during a write left a temporary file behind.
     #[test]

@@ -47,7 +47,7 @@ pub use options::{Options, Start};
 pub use session::{Epoch, Session};
 
 use crate::Error;
-use crate::disk::refuse_overwriting;
+use crate::disk::{Together, refuse_overwriting};
 use crate::hybrid::{ConstantId, Hybrid};
 use crate::learnt::{Card, LearntForce, Names, Quantity, weights};
 use crate::log::Log;
@@ -407,8 +407,8 @@ pub fn weights_name(k: usize, members: usize) -> String {
     }
 }
 
-/// Writes the weights of networks that were trained for the same from different beginnings, and `model.toml`, the model with their mean in it, to `dir`;
-/// returns the path of the model. The constants are as fitted beside the first.
+/// Writes the weights of networks that were trained for the same from different beginnings, and `model.toml`, the model with their mean in it, to `dir`, all or
+/// none; returns the path of the model. The constants are as fitted beside the first.
 ///
 /// # Errors
 /// As [`Model::write_revision`]; [`Error::Training`] without a member.
@@ -418,15 +418,17 @@ pub fn write_ensemble(members: &[Trained], model: &Model, dir: &Path) -> Result<
             "an ensemble has no member: train at least one".to_owned(),
         ));
     };
-    std::fs::create_dir_all(dir).map_err(|e| Error::io(dir, e))?;
     let names: Vec<String> = (0..members.len())
         .map(|k| weights_name(k, members.len()))
         .collect();
     let outputs = names.iter().map(String::as_str).chain([MODEL]);
     let outputs: Vec<PathBuf> = outputs.map(|name| dir.join(name)).collect();
     refuse_overwriting(&outputs, &model.files())?;
+    let mut files = Together::new(dir);
     for (member, name) in members.iter().zip(&names) {
-        weights::write(&dir.join(name), &member.force, &member.card, member.single)?;
+        let path = dir.join(name);
+        let bytes = weights::to_bytes(&path, &member.force, &member.card, member.single)?;
+        files.put(name, &bytes)?;
     }
     let what = match members.len() {
         1 => "learnt".to_owned(),
@@ -443,5 +445,7 @@ pub fn write_ensemble(members: &[Trained], model: &Model, dir: &Path) -> Result<
             windows.unwrap_or_default()
         ),
     });
-    model.write_revision(dir, MODEL, &revision)
+    let path = model.stage_revision(&mut files, MODEL, &revision)?;
+    files.commit()?;
+    Ok(path)
 }
