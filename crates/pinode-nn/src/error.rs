@@ -138,7 +138,7 @@ pub enum Error {
     },
     /// What tells a training when to stop is too short.
     #[error(
-        "no window of {horizon} s fits into {part}: take a shorter horizon or longer recordings, or hold out other logs (--holdout)"
+        "no window of {horizon:.4} s fits into {part}: take a shorter horizon or longer recordings, or hold out other logs (--holdout)"
     )]
     NoWindowHeldOut {
         /// Length asked for, s.

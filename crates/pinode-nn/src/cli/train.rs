@@ -36,8 +36,8 @@ pub(super) struct Arguments {
     /// Logs, CSV files; without --holdout, the last eighth of each recording tells when to stop
     #[arg(required = true)]
     logs: Vec<PathBuf>,
-    /// Joints that the network acts on
-    #[arg(long = "joint", value_name = "JOINT", required = true, num_args = 1..)]
+    /// Joints that the network acts on; a baseline needs none
+    #[arg(long = "joint", value_name = "JOINT", required_unless_present = "baseline", num_args = 1..)]
     joints: Vec<String>,
     /// Folder for model.toml, its weights, metrics and checkpoint
     #[arg(long, value_name = "DIR")]
@@ -49,8 +49,9 @@ pub(super) struct Arguments {
     #[arg(long)]
     resume: bool,
     /// Networks to train, from so many seeds from --seed on: their mean is the force, and how far they are apart says how far it is known
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=100))]
-    members: u16,
+    /// [default: 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=100))]
+    members: Option<u16>,
     /// Train instead what a network is compared with
     #[arg(long, value_enum, conflicts_with = "resume")]
     baseline: Option<Baseline>,
@@ -61,12 +62,12 @@ pub(super) struct Arguments {
     /// [default: all angles, those that wrap as cosine and sine, all velocities and inputs]
     #[arg(long, value_name = "NAME", num_args = 1..)]
     sees: Vec<String>,
-    /// Units of the hidden layers
-    #[arg(long, value_name = "N,N,…", value_delimiter = ',', default_values_t = [50, 50, 50])]
+    /// Units of the hidden layers [default: 50,50,50]
+    #[arg(long, value_name = "N,N,…", value_delimiter = ',')]
     units: Vec<usize>,
-    /// Activation of the hidden layers
-    #[arg(long, value_enum, default_value_t = Hidden::Relu)]
-    activation: Hidden,
+    /// Activation of the hidden layers [default: relu]
+    #[arg(long, value_enum)]
+    activation: Option<Hidden>,
     /// The network stands for all of Q on its joints, the inputs' forces included
     #[arg(long)]
     alone: bool,
@@ -85,9 +86,9 @@ pub(super) struct Arguments {
     /// Stop when so many epochs bring nothing on what is held out [default: 60; with --paper 20]
     #[arg(long, value_name = "N")]
     patience: Option<usize>,
-    /// Precision of the network; the mechanics are always f64
-    #[arg(long, value_enum, default_value_t = Precision::F32)]
-    precision: Precision,
+    /// Precision of the network; the mechanics are always f64 [default: f32]
+    #[arg(long, value_enum)]
+    precision: Option<Precision>,
     /// Leave the constants of the model and its effects as they are, instead of fitting them first
     #[arg(long)]
     keep_physics: bool,
@@ -112,12 +113,39 @@ enum Hidden {
     Tanh,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Precision {
     /// 32 bits: twice as fast
     F32,
     /// 64 bits
     F64,
+}
+
+impl Arguments {
+    /// What is given for a network where there is none.
+    pub fn contradiction(&self) -> Option<String> {
+        let of_network = [
+            ("--members", self.members.is_some()),
+            ("--sees", !self.sees.is_empty()),
+            ("--units", !self.units.is_empty()),
+            ("--activation", self.activation.is_some()),
+            ("--alone", self.alone),
+            ("--epochs", self.epochs.is_some()),
+            ("--batch", self.batch.is_some()),
+            ("--rate", self.rate.is_some()),
+            ("--patience", self.patience.is_some()),
+            ("--precision", self.precision.is_some()),
+            ("--keep-physics", self.keep_physics),
+        ];
+        let given = of_network.iter().filter(|(_, given)| *given);
+        let names: Vec<&str> = given.map(|(name, _)| *name).collect();
+        (self.baseline == Some(Baseline::Ode) && !names.is_empty()).then(|| {
+            format!(
+                "--baseline ode fits the model alone, without a network: leave out {}",
+                names.join(", ")
+            )
+        })
+    }
 }
 
 /// What `--json` prints: of the first network, and of all in `members` where there are several.
@@ -134,7 +162,7 @@ struct Report<'a> {
     held_out: Option<f64>,
     held_out_without_network: Option<f64>,
     network: &'a crate::learnt::Card,
-    warnings: &'a [String],
+    warnings: Vec<String>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     members: Vec<Member>,
 }
@@ -169,7 +197,7 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
         options.physics = false;
     }
     let out = arguments.out.as_path();
-    let count = usize::from(arguments.members);
+    let count = usize::from(arguments.members.unwrap_or(1));
     let outputs = match arguments.baseline {
         Some(Baseline::Ode) => vec![out.join(MODEL)],
         _ => outputs(out, count),
@@ -227,7 +255,7 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
         return Ok(()); // at least one is trained
     };
     let report = report(&members, first, &path, out, &metrics);
-    output.warnings(report.warnings);
+    output.warnings(&report.warnings);
     output.result(&report, &text(&report))
 }
 
@@ -242,11 +270,28 @@ fn fit_alone(
         physics: true,
         ..options
     };
-    let revision = fit_physics(training, &options)?;
-    let path = training.model.write_revision(out, MODEL, &revision)?;
+    let fitted = fit_physics(training, &options)?;
+    let path = training
+        .model
+        .write_revision(out, MODEL, &fitted.revision)?;
+    output.warnings(&fitted.warnings);
     let model = path.display().to_string();
-    let text = format!("the model alone, fitted\nwritten:\n  {model}\n");
-    output.result(&serde_json::json!({ "model": model }), &text)
+    let ([windows, diverged], [others, lost]) = (fitted.windows, fitted.windows_held_out);
+    let text = format!(
+        "the model alone, fitted: loss {:.4} ({diverged} of {windows} windows diverge), held out {:.4} ({lost} of {others})\nwritten:\n  {model}\n",
+        fitted.loss, fitted.held_out
+    );
+    let document = serde_json::json!({
+        "model": model,
+        "windows": windows,
+        "diverged": diverged,
+        "loss": fitted.loss,
+        "windows_held_out": others,
+        "held_out_diverged": lost,
+        "held_out": fitted.held_out,
+        "warnings": fitted.warnings,
+    });
+    output.result(&document, &text)
 }
 
 /// Trains one network. Its checkpoint stays until all members of an ensemble are there.
@@ -308,10 +353,14 @@ fn options(arguments: &Arguments, seed: u64, model: &Model) -> Result<Options, E
     };
     Ok(Options {
         quantities,
-        units: arguments.units.clone(),
+        units: match arguments.units.is_empty() {
+            true => base.units,
+            false => arguments.units.clone(),
+        },
         hidden: match arguments.activation {
-            Hidden::Relu => Activation::Relu,
-            Hidden::Tanh => Activation::Tanh,
+            Some(Hidden::Relu) => Activation::Relu,
+            Some(Hidden::Tanh) => Activation::Tanh,
+            None => base.hidden,
         },
         alone: base.alone || arguments.alone,
         horizon: arguments.horizon.unwrap_or(base.horizon),
@@ -319,7 +368,10 @@ fn options(arguments: &Arguments, seed: u64, model: &Model) -> Result<Options, E
         batch: arguments.batch.unwrap_or(base.batch),
         rate: arguments.rate.unwrap_or(base.rate),
         patience: arguments.patience.unwrap_or(base.patience),
-        single: matches!(arguments.precision, Precision::F32),
+        single: match arguments.precision {
+            Some(precision) => precision == Precision::F32,
+            None => base.single,
+        },
         physics: base.physics && !arguments.keep_physics,
         longest_step: arguments.step,
         seed,
@@ -456,9 +508,25 @@ fn report<'a>(
         held_out: best(first).1,
         held_out_without_network: first.without_network,
         network: &first.card,
-        warnings: &first.warnings,
+        warnings: warnings(members),
         members: if count > 1 { all } else { Vec::new() },
     }
+}
+
+/// Those of all members: what they share once, the others with their member.
+fn warnings(members: &[Trained]) -> Vec<String> {
+    let mut all = Vec::new();
+    for (k, member) in members.iter().enumerate() {
+        for warning in &member.warnings {
+            let shared = members.iter().all(|m| m.warnings.contains(warning));
+            match shared {
+                true if k > 0 => {}
+                true => all.push(warning.clone()),
+                false => all.push(format!("member {}: {warning}", k + 1)),
+            }
+        }
+    }
+    all
 }
 
 fn text(report: &Report<'_>) -> String {

@@ -101,7 +101,7 @@ pub struct Trained {
     pub without_network: Option<f64>,
     /// Whether it was computed in 32 bits.
     pub single: bool,
-    /// What should be known of it: recordings that were not used.
+    /// What should be known of it: recordings that were not used, and whether the model is better without it.
     pub warnings: Vec<String>,
 }
 
@@ -260,6 +260,12 @@ fn check(model: &Model, options: &Options) -> Result<(), Error> {
             ));
         }
     }
+    check_numbers(options)
+}
+
+/// What is not all right with the numbers among them.
+fn check_numbers(options: &Options) -> Result<(), Error> {
+    let fault = |what: String| Err(Error::Training(what));
     for (name, value) in [("batch", options.batch), ("epochs", options.epochs)] {
         if value == 0 {
             return fault(format!("`{name}` is 0: it must be at least 1"));
@@ -280,18 +286,58 @@ fn check(model: &Model, options: &Options) -> Result<(), Error> {
     Ok(())
 }
 
-/// The model without a network, its constants fitted as they are before one is trained: the pure ODE (Roehrl et al. 2020, eq. 13).
+/// A model without a network, fitted.
+#[derive(Debug, Clone)]
+pub struct Fitted {
+    /// Its constants.
+    pub revision: Revision,
+    /// Typical loss a sample of the windows that were learnt from, those that diverge left out, and of those held out, as of an [`Epoch`].
+    pub loss: f64,
+    /// The same of the windows held out, where those that diverge are far away.
+    pub held_out: f64,
+    /// How many windows were learnt from, and how many of them diverge.
+    pub windows: [usize; 2],
+    /// The same of the windows held out.
+    pub windows_held_out: [usize; 2],
+    /// What should be known of it: recordings that were not used.
+    pub warnings: Vec<String>,
+}
+
+/// The model without a network, its constants fitted as they are before one is trained: the pure ODE (Roehrl et al. 2020, eq. 13). What the options say
+/// of the network does not count.
 ///
 /// # Errors
 /// As [`train`].
-pub fn fit_physics(training: &Training<'_>, options: &Options) -> Result<Revision, Error> {
-    check(training.model, options)?;
-    let recordings = Recordings::new(training.model, training.logs, training.held_out, options)?;
-    Ok(revision(
-        training.model,
-        &recordings.hybrid,
-        &recordings.theta,
-    ))
+pub fn fit_physics(training: &Training<'_>, options: &Options) -> Result<Fitted, Error> {
+    check_numbers(options)?;
+    let model = training.model;
+    // A network that gives no force.
+    let options = Options {
+        joints: vec![0],
+        units: vec![1],
+        alone: false,
+        ..options.clone()
+    };
+    let recordings = Recordings::new(model, training.logs, training.held_out, &options)?;
+    let shape = Shape::new(&[1, 1, 1], options.hidden, Activation::Tanh)
+        .map_err(|e| Error::Training(e.to_string()))?;
+    let silent = vec![0.0; shape.parameters()];
+    let learner = Learner {
+        network: Mlp::from_parameters(shape, silent).map_err(|e| Error::Training(e.to_string()))?,
+        features: recordings.features(&[Quantity::Velocity(0)]),
+        outputs: recordings.outputs(&options.joints),
+    };
+    let mut session = Session::<f64>::of(recordings, &options, learner);
+    let (loss, diverged) = session.seen()?;
+    let (held_out, held_out_diverged) = session.held_out()?;
+    Ok(Fitted {
+        revision: revision(model, &session.recordings.hybrid, &session.recordings.theta),
+        loss,
+        held_out,
+        windows: [session.windows(), diverged],
+        windows_held_out: [session.windows_held_out(), held_out_diverged],
+        warnings: session.recordings.left_out.clone(),
+    })
 }
 
 /// Of all that the weights depend on.
@@ -363,6 +409,8 @@ fn trained<T: Real>(
     if let serde_json::Value::Object(words) = words {
         card.training = words;
     }
+    let mut warnings = session.recordings.left_out.clone();
+    warnings.extend(worse_than_none(best, without_network));
     Ok(Trained {
         revision: revision(model, &session.recordings.hybrid, &session.best_theta),
         force,
@@ -371,7 +419,18 @@ fn trained<T: Real>(
         best_epoch,
         without_network,
         single: options.single,
-        warnings: session.recordings.left_out.clone(),
+        warnings,
+    })
+}
+
+/// Said of a network that makes the windows held out worse.
+fn worse_than_none(best: Option<&Epoch>, without_network: Option<f64>) -> Option<String> {
+    let (with, without) = (best?.held_out, without_network?);
+    (with > without).then(|| {
+        format!(
+            "the model is better without this network: held out {with:.4} with it, {without:.4} without; leave it out, or train on more data \
+             or with other options"
+        )
     })
 }
 

@@ -258,6 +258,23 @@ impl<'a, T: Real> Session<'a, T> {
         Ok((loss, diverged))
     }
 
+    /// The typical loss a sample of the windows that are learnt from, and how many diverge, which are left out.
+    ///
+    /// # Errors
+    /// [`Error::Mechanics`] of a state in the range of mechanisms.
+    pub(super) fn seen(&mut self) -> Result<(f64, usize), Error> {
+        let all: Vec<usize> = (0..self.windows()).collect();
+        let (mut loss, mut diverged) = (0.0, 0);
+        for batch in all.chunks(self.options.batch) {
+            let used = self.in_chunks(Part::Seen, batch, Chunk::roll)?;
+            for chunk in &self.chunks[..used] {
+                loss += chunk.loss;
+                diverged += chunk.diverged;
+            }
+        }
+        Ok((self.typical(loss, all.len() - diverged), diverged))
+    }
+
     /// The typical loss a sample of the windows held out, and how many diverge: they are far away. Their starts are fitted to this network first.
     ///
     /// # Errors

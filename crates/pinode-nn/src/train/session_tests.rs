@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
-use super::session::Session;
-use super::{Options, Training};
+use super::session::{Epoch, Session};
+use super::{Options, Training, worse_than_none};
 use crate::learnt::Quantity;
 use crate::log::{Channels, Log};
 use crate::model::Model;
@@ -155,4 +155,22 @@ fn an_angle_that_wraps_is_seen_by_its_cosine_and_sine_alone() {
         "{words}"
     );
     assert_eq!(refused(&[Quantity::Cosine(0), Quantity::Sine(0)]), "");
+}
+
+/// It was written without a word.
+#[test]
+fn a_network_that_is_worse_than_none_is_warned_of() {
+    let epoch = Epoch {
+        epoch: 1,
+        loss: 1.0,
+        held_out: 236_110.0,
+        diverged: 0,
+        held_out_diverged: 0,
+        rate: 1e-3,
+    };
+    let words = worse_than_none(Some(&epoch), Some(3.5)).unwrap();
+    let said = "held out 236110.0000 with it, 3.5000 without";
+    assert!(words.contains(said), "{words}");
+    assert_eq!(worse_than_none(Some(&epoch), None), None);
+    assert_eq!(worse_than_none(Some(&epoch), Some(3e5)), None);
 }
