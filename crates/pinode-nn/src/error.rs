@@ -214,6 +214,22 @@ pub enum Error {
         /// What cannot be done with it.
         work: &'static str,
     },
+    /// A log was read for another model.
+    #[error(
+        "run `{run}` of {} has {found} {what}, and the model has {expected}: read the log with this model", log.display()
+    )]
+    OtherModel {
+        /// The log.
+        log: PathBuf,
+        /// The recording.
+        run: String,
+        /// Which columns.
+        what: &'static str,
+        /// How many there are.
+        found: usize,
+        /// How many the model has.
+        expected: usize,
+    },
     /// Errors of a signal cannot be summed up: they are beyond the range of numbers.
     #[error(
         "the errors of {signal} are too large to be squared: sample {sample} of run `{run}` (t = {time} s) reads {value:e}; cut the \

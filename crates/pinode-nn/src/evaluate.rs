@@ -124,9 +124,10 @@ struct Rolled {
 ///
 /// # Errors
 /// [`Error::NoWindow`] when no recording is long enough; [`Error::Unfittable`] when every window diverges; [`Error::Overflow`] when
-/// the squares of the errors are beyond the range of numbers; [`Error::Floating`] when a coordinate is the pose of a floating body.
+/// the squares of the errors are beyond the range of numbers; [`Error::Floating`] when a coordinate is the pose of a floating body;
+/// [`Error::OtherModel`] when a log was read for a model with other coordinates or inputs.
 pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evaluation, Error> {
-    refuse_poses(model.mechanics.coordinates(), WORK)?;
+    refuse_others(model, logs)?;
     let runs: Vec<&Run> = logs.iter().flat_map(|log| &log.runs).collect();
     let starts = starts(&runs, options);
     if starts.is_empty() {
@@ -233,6 +234,12 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
             .collect(),
         left_training: guard.departures(),
     })
+}
+
+/// Refuses poses, and logs that were read for another model.
+fn refuse_others(model: &Model, logs: &[Log]) -> Result<(), Error> {
+    refuse_poses(model.mechanics.coordinates(), WORK)?;
+    logs.iter().try_for_each(|log| log.check(model))
 }
 
 /// The squares of how far the members of an ensemble are apart in a window; none where one of them diverges.
@@ -492,7 +499,7 @@ impl RolledWindow<'_> {
 /// # Errors
 /// As [`evaluate`], but for overflow.
 pub fn errors(model: &Model, logs: &[Log], options: &Options) -> Result<Vec<Vec<f64>>, Error> {
-    refuse_poses(model.mechanics.coordinates(), WORK)?;
+    refuse_others(model, logs)?;
     let runs: Vec<&Run> = logs.iter().flat_map(|log| &log.runs).collect();
     let starts = starts(&runs, options);
     let channels = channels(model, &runs);
@@ -543,9 +550,9 @@ pub struct Signal {
 /// The roll-outs behind an [`Evaluation`].
 ///
 /// # Errors
-/// [`Error::NoWindow`] when no recording is long enough; [`Error::Floating`] when a coordinate is the pose of a floating body.
+/// As [`evaluate`], but for those of diverging windows and overflow.
 pub fn roll_outs(model: &Model, logs: &[Log], options: &Options) -> Result<Vec<RollOut>, Error> {
-    refuse_poses(model.mechanics.coordinates(), WORK)?;
+    refuse_others(model, logs)?;
     let runs: Vec<&Run> = logs.iter().flat_map(|log| &log.runs).collect();
     let starts = starts(&runs, options);
     if starts.is_empty() {

@@ -280,6 +280,27 @@ mod tests {
         assert_eq!(beginning(&with_gap, 10, 1.0), 8);
     }
 
+    /// A model with an input more took what is behind the log's columns.
+    #[test]
+    fn a_log_that_was_read_for_another_model_is_refused() {
+        let (model, log, _) = recorded(0.0);
+        let driven = model.text.clone() + "[[input]]\nname = 'motor'\njoint = 'q'\n";
+        let driven = Model::parse("driven.toml".as_ref(), driven).unwrap();
+        let mut other = log.clone();
+        other.runs[0].u.push(vec![0.0; other.runs[0].len()]);
+        for (model, log) in [(&driven, log), (&model, other)] {
+            for initial in [Initial::Measured, Initial::Past] {
+                let options = Options {
+                    initial,
+                    ..Options::default()
+                };
+                let refused = crate::evaluate::evaluate(model, &[log.clone()], &options);
+                let words = refused.unwrap_err().to_string();
+                assert!(words.contains("inputs, and the model has"), "{words}");
+            }
+        }
+    }
+
     /// At 10 Hz 0.3 s have four samples: all windows started from the measured state, and nothing was said.
     #[test]
     fn a_slow_log_tells_of_the_past_too_and_where_it_does_not_is_counted() {

@@ -86,6 +86,8 @@ impl Recordings {
     ) -> Result<Self, Error> {
         let coordinates = model.mechanics.coordinates();
         refuse_poses(coordinates, WORK)?;
+        let mut all = logs.iter().chain(held_out);
+        all.try_for_each(|log| log.check(model))?;
         let hybrid = Hybrid::explicit(model);
         if hybrid.nh() > 0 {
             return Err(Error::NotTrainable {
