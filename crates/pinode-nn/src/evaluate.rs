@@ -7,7 +7,7 @@ use crate::Error;
 use crate::entries::refuse_poses;
 use crate::free_run::{FreeRun, Initial, LONGEST_STEP, initial_states, longest_step, step_warning};
 use crate::hybrid::{DrivenInputs, Hybrid, Reading};
-use crate::learnt::{Departure, Guard, Tally};
+use crate::learnt::{Departure, Guard, Tally, other_intervals};
 use crate::log::{Log, Run};
 use crate::model::{Model, Velocity};
 use crate::past::{States, states_by_the_past};
@@ -59,7 +59,8 @@ pub struct Evaluation {
     pub fallen_back: usize,
     /// Positions, then those velocities that the logs have.
     pub coordinates: Vec<SignalError>,
-    /// What should be known of the logs: gaps that no window spans, steps that were not taken as asked for.
+    /// What should be known of the logs: gaps that no window spans, steps that were not taken as asked for, samples of another rate
+    /// than a network knows.
     pub warnings: Vec<String>,
     /// The networks of the model that left what they were trained on in a window, diverged ones too.
     pub left_training: Vec<Departure>,
@@ -223,15 +224,7 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
         initial: options.initial.name(),
         fallen_back: begun.fallen_back,
         coordinates: errors,
-        warnings: runs
-            .iter()
-            .flat_map(|run| {
-                let spanned = GAP * typical_interval(&run.t).unwrap_or(0.0);
-                let taken = longest_step(&run.t, spanned, options.longest_step);
-                let steps = step_warning(&run.id, taken, options.longest_step);
-                gap_warning(run).into_iter().chain(steps)
-            })
-            .collect(),
+        warnings: warnings(model, &runs, options),
         left_training: guard.departures(),
     })
 }
@@ -298,6 +291,19 @@ fn overflow(error: &SignalError, channel: Channel, runs: &[&Run]) -> Error {
         }
     }
     largest
+}
+
+/// Of gaps, steps and samples that are not what they should be.
+fn warnings(model: &Model, runs: &[&Run], options: &Options) -> Vec<String> {
+    let of_run = |run: &&Run| {
+        let spanned = GAP * typical_interval(&run.t).unwrap_or(0.0);
+        let taken = longest_step(&run.t, spanned, options.longest_step);
+        let steps = step_warning(&run.id, taken, options.longest_step);
+        gap_warning(run).into_iter().chain(steps)
+    };
+    let mut warnings: Vec<String> = runs.iter().flat_map(of_run).collect();
+    warnings.extend(other_intervals(model, runs));
+    warnings
 }
 
 /// How many gaps a recording has, and the longest of them.

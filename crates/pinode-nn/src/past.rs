@@ -152,23 +152,23 @@ mod tests {
 
     use super::*;
 
+    const PENDULUM: &str = r#"
+        name = "pendulum"
+        [lagrangian]
+        coordinates = ["q"]
+        angles = ["q"]
+        kinetic = "0.5*q_dot^2"
+        potential = "-20*cos(q)"
+        [sensor.q]
+        position_noise = 1e-3
+        velocity = "none"
+    "#;
     const NOISE: f64 = 1e-3;
     const SAMPLE: usize = 120;
 
     /// A pendulum that swings freely: its states, and a log of its angle, which goes away from the motion by `ramp` rad/s after [`SAMPLE`].
     fn recorded(ramp: f64) -> (Model, Log, Vec<[f64; 2]>) {
-        let text = r#"
-            name = "pendulum"
-            [lagrangian]
-            coordinates = ["q"]
-            angles = ["q"]
-            kinetic = "0.5*q_dot^2"
-            potential = "-20*cos(q)"
-            [sensor.q]
-            position_noise = 1e-3
-            velocity = "none"
-        "#;
-        let model = Model::parse("pendulum.toml".as_ref(), text.to_owned()).unwrap();
+        let model = Model::parse("pendulum.toml".as_ref(), PENDULUM.to_owned()).unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(5);
         let (h, parts) = (0.02, 200);
         let (mut q, mut v) = (1.2_f64, 0.0);
@@ -284,10 +284,11 @@ mod tests {
     #[test]
     fn a_log_that_was_read_for_another_model_is_refused() {
         let (model, log, _) = recorded(0.0);
-        let driven = model.text.clone() + "[[input]]\nname = 'motor'\njoint = 'q'\n";
+        let driven = PENDULUM.to_owned() + "\n[[input]]\nname = 'motor'\njoint = 'q'\n";
         let driven = Model::parse("driven.toml".as_ref(), driven).unwrap();
         let mut other = log.clone();
-        other.runs[0].u.push(vec![0.0; other.runs[0].len()]);
+        let still = vec![0.0; log.runs[0].len()];
+        other.runs[0].u.push(still);
         for (model, log) in [(&driven, log), (&model, other)] {
             for initial in [Initial::Measured, Initial::Past] {
                 let options = Options {

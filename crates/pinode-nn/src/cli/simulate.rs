@@ -20,7 +20,7 @@ use crate::free_run::{
     Initial, LONGEST_STEP, initial_states, longest_step as longest_taken, step_warning,
 };
 use crate::hybrid::Hybrid;
-use crate::learnt::Guard;
+use crate::learnt::{Guard, other_intervals};
 use crate::log::Run;
 use crate::model::Model;
 
@@ -103,7 +103,8 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     };
     let mut text = header(&model, arguments.log.is_some()).into_bytes();
     let (mut samples, mut effort) = (0, Effort::default());
-    let (mut taken, mut warnings) = (step, Vec::new());
+    let all: Vec<&Run> = runs.iter().collect();
+    let (mut taken, mut warnings) = (step, other_intervals(&model, &all));
     let mut guard = Guard::new(&model);
     for mut run in runs {
         if let Some(duration) = arguments.duration {

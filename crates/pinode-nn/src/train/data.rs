@@ -55,7 +55,9 @@ pub(crate) struct Recordings {
     pub inputs: Vec<DrivenInputs>,
     /// Recordings from this one on are held out.
     fit_runs: usize,
-    /// The typical time between samples of each, s; no number where it has one sample.
+    /// The typical time between samples, s.
+    pub interval: f64,
+    /// That of each; no number where it has one sample.
     intervals: Vec<f64>,
     /// The recordings that have no window, and why.
     pub left_out: Vec<String>,
@@ -141,6 +143,7 @@ impl Recordings {
             theta,
             smoothed,
             fit_runs,
+            interval,
             intervals,
             left_out: Vec::new(),
             masked: audited.masked,

@@ -383,6 +383,7 @@ fn trained<T: Real>(
             inputs: &inputs,
         },
     );
+    card.interval = Some(session.recordings.interval);
     let file = |log: &Log| serde_json::json!({ "file": log.path.display().to_string(), "sha256": log.sha256 });
     let words = serde_json::json!({
         "program": concat!("pinode ", env!("CARGO_PKG_VERSION")),
