@@ -350,8 +350,11 @@ fn channels(model: &Model, runs: &[&Run]) -> Vec<Channel> {
         .collect()
 }
 
-/// (run, first sample, number of samples) of the windows: evenly spread over all that are possible. No window spans a gap.
-pub(crate) fn starts(runs: &[&Run], options: &Options) -> Vec<(usize, usize, usize)> {
+/// Where a window is: run, first sample, number of samples.
+type Place = (usize, usize, usize);
+
+/// The places of the windows: evenly spread over all that are possible. No window spans a gap.
+pub(crate) fn starts(runs: &[&Run], options: &Options) -> Vec<Place> {
     let mut possible = Vec::new();
     for (index, run) in runs.iter().enumerate() {
         let Some(typical) = typical_interval(&run.t) else {
@@ -378,12 +381,7 @@ pub(crate) fn starts(runs: &[&Run], options: &Options) -> Vec<(usize, usize, usi
 }
 
 /// The states that the windows start from.
-fn beginnings(
-    model: &Model,
-    logs: &[Log],
-    options: &Options,
-    starts: &[(usize, usize, usize)],
-) -> States {
+fn beginnings(model: &Model, logs: &[Log], options: &Options, starts: &[Place]) -> States {
     if options.initial == Initial::Past {
         let at: Vec<_> = starts.iter().map(|start| (start.0, start.1)).collect();
         return states_by_the_past(model, logs, &at, options);
@@ -395,7 +393,7 @@ fn beginnings(
     };
     let runs = logs.iter().flat_map(|log| &log.runs);
     let all: Vec<_> = runs.map(states).collect();
-    let one = |&(run, first, _): &(usize, usize, usize)| all[run][first].clone();
+    let one = |&(run, first, _): &Place| all[run][first].clone();
     States {
         states: starts.iter().map(one).collect(),
         fallen_back: 0,
@@ -407,7 +405,7 @@ fn over_windows<T: Send>(
     model: &Model,
     logs: &[Log],
     options: &Options,
-    (starts, initial): (&[(usize, usize, usize)], &[Vec<f64>]),
+    (starts, initial): (&[Place], &[Vec<f64>]),
     of: impl Fn(&RolledWindow<'_>) -> T + Sync,
 ) -> Vec<T> {
     let runs: Vec<&Run> = logs.iter().flat_map(|log| &log.runs).collect();

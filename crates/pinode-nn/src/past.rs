@@ -295,7 +295,8 @@ mod tests {
                     initial,
                     ..Options::default()
                 };
-                let refused = crate::evaluate::evaluate(model, &[log.clone()], &options);
+                let refused =
+                    crate::evaluate::evaluate(model, std::slice::from_ref(&log), &options);
                 let words = refused.unwrap_err().to_string();
                 assert!(words.contains("inputs, and the model has"), "{words}");
             }

@@ -119,7 +119,7 @@ impl<'a, T: Real> Session<'a, T> {
     /// Whether all epochs are over, or enough of them have brought nothing.
     pub fn is_over(&self) -> bool {
         let done = self.history.len();
-        done >= self.options.epochs || done >= self.best_epoch() + self.options.patience.max(1)
+        done >= self.options.epochs || done - self.best_epoch() >= self.options.patience.max(1)
     }
 
     /// Learns from all windows once, in an order of this epoch's.
@@ -153,7 +153,7 @@ impl<'a, T: Real> Session<'a, T> {
         let (mut loss, mut diverged) = (0.0, 0);
         for (k, batch) in order.chunks(self.options.batch).enumerate() {
             let progress =
-                ((number - 1) * batches + k) as f64 / (self.options.epochs * batches) as f64;
+                ((number - 1) * batches + k) as f64 / (self.options.epochs as f64 * batches as f64);
             let (sum, lost) = self.step(batch, self.rate(progress))?;
             loss += sum;
             diverged += lost;
