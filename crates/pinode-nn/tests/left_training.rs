@@ -312,7 +312,7 @@ fn samples_ago_are_another_time_in_a_log_of_another_rate() {
         weights::write(&folder.join("drag.safetensors"), &force, &card, false).unwrap();
         let model = Model::load(&folder.join("sledge.toml")).unwrap();
         let path = folder.join("log.csv");
-        let rows = (0..200).map(|k| format!("{},0,0\n", 0.02 * f64::from(k)));
+        let rows = (0..200).map(|k| format!("{},{},0\n", 0.02 * f64::from(k), 0.01 * f64::from(k)));
         let text = "t,q.x,u.push\n".to_owned() + &rows.collect::<String>();
         std::fs::write(&path, text).unwrap();
         let log = Log::read(&path, &model).unwrap();

@@ -299,7 +299,7 @@ fn what_cannot_be_trained_is_said_before_the_work() {
                 "--units",
                 "4096",
                 "--horizon",
-                "4",
+                "2",
                 "--step",
                 "1e-3",
             ],
