@@ -157,6 +157,10 @@ impl Recordings {
         let horizon = recordings.horizon;
         [recordings.seen.windows, _] = recordings.cut(horizon, horizon.div_ceil(OVERLAP));
         [_, recordings.held_out.windows] = recordings.cut(horizon, horizon);
+        if recordings.held_out.windows.is_empty() && held_out.is_empty() {
+            // One may fit that does not begin on the grid of those that are learnt from.
+            [_, recordings.held_out.windows] = recordings.cut_from(horizon, horizon, border);
+        }
         let horizon = interval * recordings.horizon as f64;
         if recordings.seen.windows.is_empty() {
             return Err(Error::NoWindow { horizon });
@@ -200,12 +204,22 @@ impl Recordings {
 
     /// Windows of `horizon` sample intervals, each `stride` after the one before: those that are learnt from, and those held out.
     pub(super) fn cut(&self, horizon: usize, stride: usize) -> [Vec<Window>; 2] {
+        self.cut_from(horizon, stride, |_| 0)
+    }
+
+    /// The same from a sample of each recording on, told by the number of its samples.
+    fn cut_from(
+        &self,
+        horizon: usize,
+        stride: usize,
+        begin: impl Fn(usize) -> usize,
+    ) -> [Vec<Window>; 2] {
         let given = self.fit_runs < self.observations.runs.len();
         let mut sides = [Vec::new(), Vec::new()];
         for (run, observed) in self.observations.runs.iter().enumerate() {
             let t = &observed.t;
-            let border = t.len() - t.len() / HELD_OUT;
-            let mut first = 0;
+            let border = border(t.len());
+            let mut first = begin(t.len());
             while first + horizon < t.len() {
                 let last = first + horizon;
                 let gap = (first..last).find(|&k| self.is_gap(run, k));
@@ -525,6 +539,11 @@ fn targets(
             }
         })
         .collect()
+}
+
+/// The first sample that is held out of a recording with so many.
+fn border(samples: usize) -> usize {
+    samples - samples / HELD_OUT
 }
 
 /// A recording, as messages call it.

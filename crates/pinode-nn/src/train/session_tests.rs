@@ -122,13 +122,18 @@ fn what_is_held_out_is_named_where_it_is_too_short() {
         logs: &logs,
         held_out: &[],
     };
-    let options = Options {
-        horizon: 2.0,
-        ..options()
+    let refused = |horizon: f64| {
+        let options = Options {
+            horizon,
+            ..options()
+        };
+        let refused = Session::<f64>::new(&training, &options).err();
+        refused.map_or(String::new(), |e| e.to_string())
     };
-    let refused = Session::<f64>::new(&training, &options).err();
-    let words = refused.map_or(String::new(), |e| e.to_string());
+    let words = refused(2.0);
     assert!(words.contains("fits into the last eighth"), "{words}");
+    // The eighth is 1 s long: none of the windows from the beginning on lies in it, and yet one fits.
+    assert_eq!(refused(0.9), "");
 }
 
 #[test]
