@@ -122,9 +122,9 @@ impl Recordings {
         if substeps > MOST_SUBSTEPS {
             return Err(Error::Training(format!(
                 "a longest step of {:e} s takes {substeps:e} steps in a sample interval of {interval:.6} s: {MOST_SUBSTEPS} are taken at \
-                 most; give a longer --step, {:e} s at least",
+                 most; give a longer --step, {:.3e} s at least",
                 options.longest_step,
-                interval / MOST_SUBSTEPS
+                1.001 * interval / MOST_SUBSTEPS
             )));
         }
         let substeps = substeps as usize;
