@@ -22,6 +22,7 @@
 
 mod adam;
 mod adjoint;
+mod baseline;
 mod checkpoint;
 mod data;
 mod loss;
@@ -34,6 +35,7 @@ mod starts;
 mod tangents;
 #[cfg(test)]
 mod tests;
+mod windows;
 
 use std::path::{Path, PathBuf};
 
@@ -42,14 +44,16 @@ use rand_chacha::ChaCha8Rng;
 
 use adjoint::Learner;
 use data::{Recordings, usual_quantities};
+use options::{check, check_size};
 
+pub use baseline::{Fitted, fit_physics};
 pub use options::{Options, Start};
 pub use session::{Epoch, Session};
 
 use crate::Error;
 use crate::disk::{Together, refuse_overwriting};
 use crate::hybrid::{ConstantId, Hybrid};
-use crate::learnt::{Card, LearntForce, Names, Quantity, weights};
+use crate::learnt::{Card, LearntForce, Names, weights};
 use crate::log::Log;
 use crate::model::{Model, NewNetwork, Revision};
 use crate::network::{Activation, Mlp, Real, Shape};
@@ -58,9 +62,6 @@ use crate::network::{Activation, Mlp, Real, Shape};
 pub const WEIGHTS: &str = "network.safetensors";
 /// The name of the model itself.
 pub const MODEL: &str = "model.toml";
-/// A larger layer is refused, and a larger network.
-const MOST_UNITS: usize = 4096;
-const MOST_PARAMETERS: usize = 10_000_000;
 /// A network that corrects a model begins with this part of the usual weights in its last layer: near no force at all.
 const FIRST_OUTPUT: f64 = 0.1;
 
@@ -190,154 +191,6 @@ impl<'a, T: Real> Session<'a, T> {
         };
         Ok(Session::of(recordings, options, learner))
     }
-}
-
-/// Whether a network with layers of these sizes can be trained.
-fn check_size(sizes: &[usize]) -> Result<(), Error> {
-    let hidden = &sizes[1..sizes.len() - 1];
-    if let Some(units) = hidden.iter().find(|units| **units > MOST_UNITS) {
-        return Err(Error::Training(format!(
-            "a hidden layer of {units} units is too large: {MOST_UNITS} at most, give fewer by --units"
-        )));
-    }
-    // At most MOST_UNITS² a layer, and no list of layers is so long that this overflows.
-    let parameters: usize = sizes.windows(2).map(|pair| (pair[0] + 1) * pair[1]).sum();
-    if parameters > MOST_PARAMETERS {
-        return Err(Error::Training(format!(
-            "a network of {parameters} parameters is too large: {MOST_PARAMETERS} at most, give fewer or smaller layers by --units"
-        )));
-    }
-    Ok(())
-}
-
-/// What is not all right with the options.
-fn check(model: &Model, options: &Options) -> Result<(), Error> {
-    let coordinates = model.mechanics.coordinates();
-    let fault = |what: String| Err(Error::Training(what));
-    if options.joints.is_empty() {
-        return fault(
-            "no joint is given for the network to act on: name one by --joint".to_owned(),
-        );
-    }
-    for (k, &joint) in options.joints.iter().enumerate() {
-        let Some(coordinate) = coordinates.get(joint) else {
-            return fault(format!(
-                "there is no coordinate {joint}: the model has {}",
-                coordinates.len()
-            ));
-        };
-        let name = &coordinate.name;
-        if options.joints[..k].contains(&joint) {
-            return fault(format!("the joint `{name}` is given twice"));
-        }
-        let taken = model.networks.iter().flat_map(|n| n.force.outputs());
-        if taken.clone().any(|output| output.coordinate == joint) {
-            return fault(format!(
-                "the model has a network on `{name}` already: take its [[effect]] out first"
-            ));
-        }
-    }
-    let known = |quantity: &Quantity| match *quantity {
-        Quantity::Position(c) | Quantity::Cosine(c) | Quantity::Sine(c) | Quantity::Velocity(c) => {
-            c < coordinates.len()
-        }
-        Quantity::Input { input, .. } => input < model.inputs.len(),
-    };
-    if !options.quantities.iter().all(known) {
-        return fault(
-            "the network is to see a coordinate or an input that the model does not have"
-                .to_owned(),
-        );
-    }
-    for quantity in &options.quantities {
-        if let Quantity::Position(c) = *quantity
-            && let Some(coordinate) = coordinates.get(c).filter(|c| c.wraps)
-        {
-            let name = &coordinate.name;
-            return fault(format!(
-                "the network is to see q.{name}, an angle that wraps: the same angle has many readings, and they jump; let it see \
-                 cos(q.{name}) and sin(q.{name})"
-            ));
-        }
-    }
-    check_numbers(options)
-}
-
-/// What is not all right with the numbers among them.
-fn check_numbers(options: &Options) -> Result<(), Error> {
-    let fault = |what: String| Err(Error::Training(what));
-    for (name, value) in [("batch", options.batch), ("epochs", options.epochs)] {
-        if value == 0 {
-            return fault(format!("`{name}` is 0: it must be at least 1"));
-        }
-    }
-    for (name, value) in [
-        ("the learning rate", options.rate),
-        ("the longest step", options.longest_step),
-        (
-            "the length of a window",
-            options.horizon + f64::MIN_POSITIVE,
-        ),
-    ] {
-        if !(value > 0.0 && value.is_finite()) {
-            return fault(format!("{name} is {value}: it must be positive"));
-        }
-    }
-    Ok(())
-}
-
-/// A model without a network, fitted.
-#[derive(Debug, Clone)]
-pub struct Fitted {
-    /// Its constants.
-    pub revision: Revision,
-    /// Typical loss a sample of the windows that were learnt from, those that diverge left out, and of those held out, as of an [`Epoch`].
-    pub loss: f64,
-    /// The same of the windows held out, where those that diverge are far away.
-    pub held_out: f64,
-    /// How many windows were learnt from, and how many of them diverge.
-    pub windows: [usize; 2],
-    /// The same of the windows held out.
-    pub windows_held_out: [usize; 2],
-    /// What should be known of it: recordings that were not used.
-    pub warnings: Vec<String>,
-}
-
-/// The model without a network, its constants fitted as they are before one is trained: the pure ODE (Roehrl et al. 2020, eq. 13). What the options say
-/// of the network does not count.
-///
-/// # Errors
-/// As [`train`].
-pub fn fit_physics(training: &Training<'_>, options: &Options) -> Result<Fitted, Error> {
-    check_numbers(options)?;
-    let model = training.model;
-    // A network that gives no force.
-    let options = Options {
-        joints: vec![0],
-        units: vec![1],
-        alone: false,
-        ..options.clone()
-    };
-    let recordings = Recordings::new(model, training.logs, training.held_out, &options)?;
-    let shape = Shape::new(&[1, 1, 1], options.hidden, Activation::Tanh)
-        .map_err(|e| Error::Training(e.to_string()))?;
-    let silent = vec![0.0; shape.parameters()];
-    let learner = Learner {
-        network: Mlp::from_parameters(shape, silent).map_err(|e| Error::Training(e.to_string()))?,
-        features: recordings.features(&[Quantity::Velocity(0)]),
-        outputs: recordings.outputs(&options.joints),
-    };
-    let mut session = Session::<f64>::of(recordings, &options, learner);
-    let (loss, diverged) = session.seen()?;
-    let (held_out, held_out_diverged) = session.held_out()?;
-    Ok(Fitted {
-        revision: revision(model, &session.recordings.hybrid, &session.recordings.theta),
-        loss,
-        held_out,
-        windows: [session.windows(), diverged],
-        windows_held_out: [session.windows_held_out(), held_out_diverged],
-        warnings: session.recordings.left_out.clone(),
-    })
 }
 
 /// Of all that the weights depend on.
