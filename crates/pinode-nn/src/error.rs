@@ -50,7 +50,7 @@ pub enum Error {
     /// The model as given cannot be simulated over the log.
     #[error(
         "the model as given diverges in {diverged} of {windows} windows of the log: check units, signs and the order of columns \
-         (`pinode check` prints what the model expects)"
+         (`pinode check` prints what the model expects), or take a shorter step (--step): stiff forces need one"
     )]
     Unfittable {
         /// Windows in which it diverges.
@@ -136,6 +136,16 @@ pub enum Error {
         /// Length asked for, s.
         horizon: f64,
     },
+    /// What tells a training when to stop is too short.
+    #[error(
+        "no window of {horizon:.4} s fits into {part}: take a shorter horizon or longer recordings, or hold out other logs (--holdout)"
+    )]
+    NoWindowHeldOut {
+        /// Length asked for, s.
+        horizon: f64,
+        /// What is held out.
+        part: &'static str,
+    },
     /// The equations of a model are not ones that a network can be trained in.
     #[error(
         "a network cannot be trained beside {what}: take it out of the model, or fit it by `pinode diagnose`"
@@ -143,6 +153,17 @@ pub enum Error {
     NotTrainable {
         /// What it has.
         what: &'static str,
+    },
+    /// A coordinate has a name that no formula can have.
+    #[error(
+        "a model without mechanics is written in formulas of its coordinates: {what}; rename the joint `{joint}`, and put single joints in \
+         place of a planar one"
+    )]
+    NoFormula {
+        /// The joint.
+        joint: String,
+        /// What is wrong with the name.
+        what: String,
     },
     /// What training is asked for makes no sense.
     #[error("{0}")]
@@ -173,12 +194,12 @@ pub enum Error {
         /// The number.
         value: f64,
     },
-    /// A checkpoint is of another training.
-    #[error("{} is of another training: {what}; train without --resume, or in another folder", path.display())]
+    /// A training cannot go on from a checkpoint: it is damaged, or of another training.
+    #[error("{} {what}; train without --resume, or in another folder", path.display())]
     Checkpoint {
         /// The file.
         path: PathBuf,
-        /// In what they differ.
+        /// What is wrong with it.
         what: String,
     },
     /// A coordinate is a pose, and the work asked for takes one number a coordinate.
@@ -192,6 +213,22 @@ pub enum Error {
         coordinate: String,
         /// What cannot be done with it.
         work: &'static str,
+    },
+    /// A log was read for another model.
+    #[error(
+        "run `{run}` of {} has {found} {what}, and the model has {expected}: read the log with this model", log.display()
+    )]
+    OtherModel {
+        /// The log.
+        log: PathBuf,
+        /// The recording.
+        run: String,
+        /// Which columns.
+        what: &'static str,
+        /// How many there are.
+        found: usize,
+        /// How many the model has.
+        expected: usize,
     },
     /// Errors of a signal cannot be summed up: they are beyond the range of numbers.
     #[error(
@@ -221,6 +258,12 @@ pub enum Error {
     /// An output would replace a file that was read.
     #[error("{} is an input that was read: write to another folder or under another name", path.display())]
     OverwritesInput {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Two outputs would be one file.
+    #[error("{} is to hold two results: give each a name of its own", path.display())]
+    SameOutput {
         /// The file.
         path: PathBuf,
     },

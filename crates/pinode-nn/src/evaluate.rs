@@ -5,17 +5,17 @@ use serde::Serialize;
 
 use crate::Error;
 use crate::entries::refuse_poses;
-use crate::free_run::{FreeRun, Initial, LONGEST_STEP, initial_states};
+use crate::free_run::{FreeRun, Initial, LONGEST_STEP, initial_states, longest_step, step_warning};
 use crate::hybrid::{DrivenInputs, Hybrid, Reading};
-use crate::learnt::{Departure, Guard, Tally};
+use crate::learnt::{Departure, Guard, Tally, other_intervals};
 use crate::log::{Log, Run};
 use crate::model::{Model, Velocity};
-use crate::past::states_by_the_past;
+use crate::past::{States, states_by_the_past};
 use crate::shooting::{Trajectory, wrap_angle};
 use crate::spread::{Squares, spread};
 
 /// More than so many typical sample intervals between two samples are a gap.
-const GAP: f64 = 10.0;
+pub(crate) const GAP: f64 = 10.0;
 /// What this is called in errors.
 pub(crate) const WORK: &str = "an evaluation by free runs";
 
@@ -53,9 +53,14 @@ pub struct Evaluation {
     pub windows: usize,
     /// How many of them diverged; they are not in the errors.
     pub diverged: usize,
+    /// Where they start from: `measured`, `estimated` or `past`.
+    pub initial: &'static str,
+    /// How many start from the measured state after all: too little is measured before them, or the model does not get there.
+    pub fallen_back: usize,
     /// Positions, then those velocities that the logs have.
     pub coordinates: Vec<SignalError>,
-    /// What should be known of the logs: gaps that no window spans.
+    /// What should be known of the logs: gaps that no window spans, steps that were not taken as asked for, samples of another rate
+    /// than a network knows.
     pub warnings: Vec<String>,
     /// The networks of the model that left what they were trained on in a window, diverged ones too.
     pub left_training: Vec<Departure>,
@@ -120,9 +125,10 @@ struct Rolled {
 ///
 /// # Errors
 /// [`Error::NoWindow`] when no recording is long enough; [`Error::Unfittable`] when every window diverges; [`Error::Overflow`] when
-/// the squares of the errors are beyond the range of numbers; [`Error::Floating`] when a coordinate is the pose of a floating body.
+/// the squares of the errors are beyond the range of numbers; [`Error::Floating`] when a coordinate is the pose of a floating body;
+/// [`Error::OtherModel`] when a log was read for a model with other coordinates or inputs.
 pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evaluation, Error> {
-    refuse_poses(model.mechanics.coordinates(), WORK)?;
+    refuse_others(model, logs)?;
     let runs: Vec<&Run> = logs.iter().flat_map(|log| &log.runs).collect();
     let starts = starts(&runs, options);
     if starts.is_empty() {
@@ -143,7 +149,9 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
         })
         .collect();
     let mut guard = Guard::new(model);
-    let windows = over_windows(model, logs, options, &starts, |window| {
+    let begun = beginnings(model, logs, options, &starts);
+    let windows = (starts.as_slice(), begun.states.as_slice());
+    let windows = over_windows(model, logs, options, windows, |window| {
         let sums = window.arrived.then(|| {
             let mut sums = vec![Sums::default(); channels.len()];
             for (channel, sums) in channels.iter().zip(&mut sums) {
@@ -213,10 +221,18 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
         horizon_s: options.horizon,
         windows: starts.len(),
         diverged,
+        initial: options.initial.name(),
+        fallen_back: begun.fallen_back,
         coordinates: errors,
-        warnings: runs.iter().filter_map(|run| gap_warning(run)).collect(),
+        warnings: warnings(model, &runs, options),
         left_training: guard.departures(),
     })
+}
+
+/// Refuses poses, and logs that were read for another model.
+fn refuse_others(model: &Model, logs: &[Log]) -> Result<(), Error> {
+    refuse_poses(model.mechanics.coordinates(), WORK)?;
+    logs.iter().try_for_each(|log| log.check(model))
 }
 
 /// The squares of how far the members of an ensemble are apart in a window; none where one of them diverges.
@@ -277,9 +293,22 @@ fn overflow(error: &SignalError, channel: Channel, runs: &[&Run]) -> Error {
     largest
 }
 
+/// Of gaps, steps and samples that are not what they should be.
+fn warnings(model: &Model, runs: &[&Run], options: &Options) -> Vec<String> {
+    let of_run = |run: &&Run| {
+        let spanned = GAP * typical_interval(&run.t).unwrap_or(0.0);
+        let taken = longest_step(&run.t, spanned, options.longest_step);
+        let steps = step_warning(&run.id, taken, options.longest_step);
+        gap_warning(run).into_iter().chain(steps)
+    };
+    let mut warnings: Vec<String> = runs.iter().flat_map(of_run).collect();
+    warnings.extend(other_intervals(model, runs));
+    warnings
+}
+
 /// How many gaps a recording has, and the longest of them.
 fn gap_warning(run: &Run) -> Option<String> {
-    let typical = typical_interval(run)?;
+    let typical = typical_interval(&run.t)?;
     let gaps = run
         .t
         .windows(2)
@@ -296,8 +325,8 @@ fn gap_warning(run: &Run) -> Option<String> {
 }
 
 /// The median time between samples, s.
-fn typical_interval(run: &Run) -> Option<f64> {
-    let mut intervals: Vec<f64> = run.t.windows(2).map(|p| p[1] - p[0]).collect();
+pub(crate) fn typical_interval(t: &[f64]) -> Option<f64> {
+    let mut intervals: Vec<f64> = t.windows(2).map(|p| p[1] - p[0]).collect();
     intervals.sort_by(f64::total_cmp);
     intervals.get(intervals.len() / 2).copied()
 }
@@ -321,11 +350,14 @@ fn channels(model: &Model, runs: &[&Run]) -> Vec<Channel> {
         .collect()
 }
 
-/// (run, first sample, number of samples) of the windows: evenly spread over all that are possible. No window spans a gap.
-pub(crate) fn starts(runs: &[&Run], options: &Options) -> Vec<(usize, usize, usize)> {
+/// Where a window is: run, first sample, number of samples.
+type Place = (usize, usize, usize);
+
+/// The places of the windows: evenly spread over all that are possible. No window spans a gap.
+pub(crate) fn starts(runs: &[&Run], options: &Options) -> Vec<Place> {
     let mut possible = Vec::new();
     for (index, run) in runs.iter().enumerate() {
-        let Some(typical) = typical_interval(run) else {
+        let Some(typical) = typical_interval(&run.t) else {
             continue;
         };
         let steps = (options.horizon / typical).round().max(1.0);
@@ -348,12 +380,32 @@ pub(crate) fn starts(runs: &[&Run], options: &Options) -> Vec<(usize, usize, usi
         .collect()
 }
 
-/// Every window rolled out, and what `of` makes of it, in their order: the same for any number of threads.
+/// The states that the windows start from.
+fn beginnings(model: &Model, logs: &[Log], options: &Options, starts: &[Place]) -> States {
+    if options.initial == Initial::Past {
+        let at: Vec<_> = starts.iter().map(|start| (start.0, start.1)).collect();
+        return states_by_the_past(model, logs, &at, options);
+    }
+    let hybrid = Hybrid::of(model);
+    let states = |run: &Run| {
+        let free_run = FreeRun::new(&hybrid, &run.t, &run.u, options.longest_step);
+        free_run.with_hidden(initial_states(model, run, options.initial))
+    };
+    let runs = logs.iter().flat_map(|log| &log.runs);
+    let all: Vec<_> = runs.map(states).collect();
+    let one = |&(run, first, _): &Place| all[run][first].clone();
+    States {
+        states: starts.iter().map(one).collect(),
+        fallen_back: 0,
+    }
+}
+
+/// Every window rolled out from its state, and what `of` makes of it, in their order: the same for any number of threads.
 fn over_windows<T: Send>(
     model: &Model,
     logs: &[Log],
     options: &Options,
-    starts: &[(usize, usize, usize)],
+    (starts, initial): (&[Place], &[Vec<f64>]),
     of: impl Fn(&RolledWindow<'_>) -> T + Sync,
 ) -> Vec<T> {
     let runs: Vec<&Run> = logs.iter().flat_map(|log| &log.runs).collect();
@@ -363,23 +415,9 @@ fn over_windows<T: Send>(
         .iter()
         .map(|run| FreeRun::new(&hybrid, &run.t, &run.u, options.longest_step))
         .collect();
-    let initial: Vec<Vec<f64>> = match options.initial {
-        Initial::Past => {
-            let at: Vec<_> = starts.iter().map(|start| (start.0, start.1)).collect();
-            states_by_the_past(model, logs, &at, options)
-        }
-        kind => {
-            let states = |(run, free_run): (&&Run, &FreeRun)| {
-                free_run.with_hidden(initial_states(model, run, kind))
-            };
-            let all: Vec<_> = runs.iter().zip(&free_runs).map(states).collect();
-            let one = |&(run, first, _): &(usize, usize, usize)| all[run][first].clone();
-            starts.iter().map(one).collect()
-        }
-    };
     starts
         .par_iter()
-        .zip(&initial)
+        .zip(initial)
         .map_init(
             Trajectory::default,
             |trajectory, (&(index, first, count), initial)| {
@@ -465,11 +503,13 @@ impl RolledWindow<'_> {
 /// # Errors
 /// As [`evaluate`], but for overflow.
 pub fn errors(model: &Model, logs: &[Log], options: &Options) -> Result<Vec<Vec<f64>>, Error> {
-    refuse_poses(model.mechanics.coordinates(), WORK)?;
+    refuse_others(model, logs)?;
     let runs: Vec<&Run> = logs.iter().flat_map(|log| &log.runs).collect();
     let starts = starts(&runs, options);
     let channels = channels(model, &runs);
-    let of_window = over_windows(model, logs, options, &starts, |window| {
+    let begun = beginnings(model, logs, options, &starts);
+    let windows = (starts.as_slice(), begun.states.as_slice());
+    let of_window = over_windows(model, logs, options, windows, |window| {
         let list = |channel: &Channel| {
             let mut list = Vec::new();
             if window.arrived {
@@ -514,9 +554,9 @@ pub struct Signal {
 /// The roll-outs behind an [`Evaluation`].
 ///
 /// # Errors
-/// [`Error::NoWindow`] when no recording is long enough; [`Error::Floating`] when a coordinate is the pose of a floating body.
+/// As [`evaluate`], but for those of diverging windows and overflow.
 pub fn roll_outs(model: &Model, logs: &[Log], options: &Options) -> Result<Vec<RollOut>, Error> {
-    refuse_poses(model.mechanics.coordinates(), WORK)?;
+    refuse_others(model, logs)?;
     let runs: Vec<&Run> = logs.iter().flat_map(|log| &log.runs).collect();
     let starts = starts(&runs, options);
     if starts.is_empty() {
@@ -525,7 +565,9 @@ pub fn roll_outs(model: &Model, logs: &[Log], options: &Options) -> Result<Vec<R
         });
     }
     let channels = channels(model, &runs);
-    Ok(over_windows(model, logs, options, &starts, |window| {
+    let begun = beginnings(model, logs, options, &starts);
+    let windows = (starts.as_slice(), begun.states.as_slice());
+    Ok(over_windows(model, logs, options, windows, |window| {
         let samples = window.first + 1..window.first + window.count;
         let signal = |channel: &Channel| {
             let column = match (channel.velocity, &window.run.v[channel.coordinate]) {

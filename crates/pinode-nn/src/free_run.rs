@@ -17,6 +17,8 @@ use crate::shooting::{Diverged, ObservedRun, Roller, Trajectory, over_samples, w
 
 /// Integration steps are not longer than this unless asked for, s.
 pub const LONGEST_STEP: f64 = 1e-3;
+/// Between two samples there are at most so many.
+const MOST_SUBSTEPS: usize = 1000;
 /// Half the stretch that an estimated state is fitted to, s; at least three samples on either side are used.
 const SMOOTHING: f64 = 0.03;
 
@@ -30,6 +32,17 @@ pub enum Initial {
     /// Where the model gets from the state 0.3 s before that fits the positions from there to the sample best: nothing after it is seen. Of a
     /// single state, that of [`initial_states`], the positions around it are not there: it is as [`Initial::Measured`].
     Past,
+}
+
+impl Initial {
+    /// As users call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Initial::Measured => "measured",
+            Initial::Estimated => "estimated",
+            Initial::Past => "past",
+        }
+    }
 }
 
 /// The states (q, v) of a run from which free runs can start, behind what its sensors read: one row a sample.
@@ -93,9 +106,35 @@ fn differences(t: &[f64], q: &[f64], wraps: bool) -> Vec<f64> {
 
 /// Steps per sample interval for steps of at most `longest` s over the sample times `t`.
 pub fn substeps(t: &[f64], longest: f64) -> usize {
-    let interval = t.windows(2).map(|p| p[1] - p[0]).fold(0.0, f64::max);
     // A gap in a log does not make the steps between all other samples minute: they stay bounded.
-    ((interval / longest).ceil() as usize).clamp(1, 1000)
+    ((longest_interval(t) / longest).ceil() as usize).clamp(1, MOST_SUBSTEPS)
+}
+
+/// The longest step within sample intervals of at most `spanned` s where `longest` is asked for over the times `t`, s: another one where
+/// [`substeps`] are bounded.
+pub(crate) fn longest_step(t: &[f64], spanned: f64, longest: f64) -> f64 {
+    let intervals = t.windows(2).map(|p| p[1] - p[0]);
+    let interval = intervals.filter(|x| *x <= spanned).fold(0.0, f64::max);
+    let taken = interval / substeps(t, longest) as f64;
+    // Rounding makes no other step.
+    match taken > longest * (1.0 + 1e-9) {
+        true => taken,
+        false => longest,
+    }
+}
+
+/// The longest time between samples, s.
+fn longest_interval(t: &[f64]) -> f64 {
+    t.windows(2).map(|p| p[1] - p[0]).fold(0.0, f64::max)
+}
+
+/// What should be known of the steps that are `taken` in a run, where they are longer than was asked for.
+pub(crate) fn step_warning(run: &str, taken: f64, longest: f64) -> Option<String> {
+    (taken > longest).then(|| {
+        format!(
+            "run `{run}`: steps of up to {taken:e} s are taken, not of {longest:e} s: there are at most {MOST_SUBSTEPS} between two samples"
+        )
+    })
 }
 
 /// A span of samples that a recording does not have.

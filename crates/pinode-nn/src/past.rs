@@ -5,7 +5,7 @@
 //! both over a sample interval; this has what is left of that after as many readings as there are.
 
 use crate::diagnose::audit::audit;
-use crate::evaluate::Options;
+use crate::evaluate::{GAP, Options, typical_interval};
 use crate::free_run::{FreeRun, Initial, initial_states};
 use crate::hybrid::Hybrid;
 use crate::log::Log;
@@ -21,14 +21,22 @@ const STEPS: usize = 6;
 /// Integration steps of the fit are not longer, s: what they miss is far below the sensors' noise.
 const LONGEST_STEP: f64 = 5e-3;
 
-/// The states (q, v, h) at these samples of these recordings of `logs`; that of [`Initial::Measured`] where there is too little before a sample or the
-/// model does not get there.
+/// The states (q, v, h) at samples of recordings.
+pub(crate) struct States {
+    /// One a sample.
+    pub states: Vec<Vec<f64>>,
+    /// How many of them are those of [`Initial::Measured`].
+    pub fallen_back: usize,
+}
+
+/// The states at these samples of these recordings of `logs`; that of [`Initial::Measured`] where fewer than [`FEWEST`] samples are before one without
+/// a gap, or the model does not get there.
 pub(crate) fn states_by_the_past(
     model: &Model,
     logs: &[Log],
     at: &[(usize, usize)],
     options: &Options,
-) -> Vec<Vec<f64>> {
+) -> States {
     let audited = audit(model, logs, &[]);
     let (observations, firsts) = (audited.observations, audited.firsts);
     let hybrid = Hybrid::of(model);
@@ -45,6 +53,9 @@ pub(crate) fn states_by_the_past(
         of(Initial::Measured, options.longest_step),
         of(Initial::Estimated, options.longest_step),
     );
+    let gaps: Vec<f64> = (observations.runs.iter())
+        .map(|run| GAP * typical_interval(&run.t).unwrap_or(f64::INFINITY))
+        .collect();
     // (which of `at`, its window), and where that begins.
     let mut asked = Vec::new();
     let mut states = Vec::new();
@@ -54,7 +65,7 @@ pub(crate) fn states_by_the_past(
             continue;
         };
         let t = &observations.runs[run].t;
-        let first = t[..=last].partition_point(|early| *early < t[last] - PAST);
+        let first = beginning(t, last, gaps[run]);
         let count = last + 1 - first;
         if count >= FEWEST {
             asked.push((index, Window { run, first, count }));
@@ -108,14 +119,27 @@ pub(crate) fn states_by_the_past(
         .iter()
         .map(|&(run, sample)| measured[run][sample].clone())
         .collect();
+    let mut fallen_back = at.len();
     for ((index, _), trajectory) in asked.iter().zip(rolled) {
         let last =
             trajectory.and_then(|t| t.states.rchunks(hybrid.nx()).next().map(<[f64]>::to_vec));
         if let Some(last) = last {
             found[*index] = last;
+            fallen_back -= 1;
         }
     }
-    found
+    States {
+        states: found,
+        fallen_back,
+    }
+}
+
+/// Where the stretch to the sample `last` begins: [`PAST`] before it, or farther back where that is too few samples; behind the last gap.
+fn beginning(t: &[f64], last: usize, gap: f64) -> usize {
+    let near = t[..=last].partition_point(|early| *early < t[last] - PAST);
+    let first = near.min((last + 1).saturating_sub(FEWEST));
+    let behind_gap = (first..last).rev().find(|&k| t[k + 1] - t[k] > gap);
+    behind_gap.map_or(first, |k| k + 1)
 }
 
 #[cfg(test)]
@@ -128,23 +152,23 @@ mod tests {
 
     use super::*;
 
+    const PENDULUM: &str = r#"
+        name = "pendulum"
+        [lagrangian]
+        coordinates = ["q"]
+        angles = ["q"]
+        kinetic = "0.5*q_dot^2"
+        potential = "-20*cos(q)"
+        [sensor.q]
+        position_noise = 1e-3
+        velocity = "none"
+    "#;
     const NOISE: f64 = 1e-3;
     const SAMPLE: usize = 120;
 
     /// A pendulum that swings freely: its states, and a log of its angle, which goes away from the motion by `ramp` rad/s after [`SAMPLE`].
     fn recorded(ramp: f64) -> (Model, Log, Vec<[f64; 2]>) {
-        let text = r#"
-            name = "pendulum"
-            [lagrangian]
-            coordinates = ["q"]
-            angles = ["q"]
-            kinetic = "0.5*q_dot^2"
-            potential = "-20*cos(q)"
-            [sensor.q]
-            position_noise = 1e-3
-            velocity = "none"
-        "#;
-        let model = Model::parse("pendulum.toml".as_ref(), text.to_owned()).unwrap();
+        let model = Model::parse("pendulum.toml".as_ref(), PENDULUM.to_owned()).unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(5);
         let (h, parts) = (0.02, 200);
         let (mut q, mut v) = (1.2_f64, 0.0);
@@ -173,7 +197,7 @@ mod tests {
 
     fn found(model: &Model, log: &Log, samples: impl Iterator<Item = usize>) -> Vec<Vec<f64>> {
         let at: Vec<(usize, usize)> = samples.map(|k| (0, k)).collect();
-        states_by_the_past(model, std::slice::from_ref(log), &at, &Options::default())
+        states_by_the_past(model, std::slice::from_ref(log), &at, &Options::default()).states
     }
 
     #[test]
@@ -231,13 +255,71 @@ mod tests {
             "{firsts:?}"
         );
         let at = [(0, 60), (1, 199), (0, 2)];
-        let states = states_by_the_past(&model, &[log], &at, &Options::default());
+        let found = states_by_the_past(&model, &[log], &at, &Options::default());
+        assert_eq!(found.fallen_back, 1);
+        let states = found.states;
         for (state, (_, k)) in states.iter().zip(&at[..2]) {
             let moved = h * (k - dead) as f64;
             assert!((state[0] - 0.75 * moved.powi(2)).abs() < 3e-4, "{state:?}");
             assert!((state[1] - 1.5 * moved).abs() < 3e-3, "{state:?}");
         }
         assert!(states[2][0].abs() < 1e-3, "{:?}", states[2]);
+    }
+
+    #[test]
+    fn a_stretch_goes_back_until_it_has_enough_samples_but_over_no_gap() {
+        let slow: Vec<f64> = (0..20).map(|k| 0.1 * f64::from(k)).collect();
+        assert_eq!(beginning(&slow, 10, 1.0), 6);
+        assert_eq!(beginning(&slow, 2, 1.0), 0);
+        let fast: Vec<f64> = (0..60).map(|k| 0.01 * f64::from(k)).collect();
+        assert!((25..=26).contains(&beginning(&fast, 55, 0.1)));
+        let with_gap: Vec<f64> = slow
+            .iter()
+            .map(|t| t + 5.0 * (t / 0.75).min(1.0).floor())
+            .collect();
+        assert_eq!(beginning(&with_gap, 10, 1.0), 8);
+    }
+
+    /// A model with an input more took what is behind the log's columns.
+    #[test]
+    fn a_log_that_was_read_for_another_model_is_refused() {
+        let (model, log, _) = recorded(0.0);
+        let driven = PENDULUM.to_owned() + "\n[[input]]\nname = 'motor'\njoint = 'q'\n";
+        let driven = Model::parse("driven.toml".as_ref(), driven).unwrap();
+        let mut other = log.clone();
+        let still = vec![0.0; log.runs[0].len()];
+        other.runs[0].u.push(still);
+        for (model, log) in [(&driven, log), (&model, other)] {
+            for initial in [Initial::Measured, Initial::Past] {
+                let options = Options {
+                    initial,
+                    ..Options::default()
+                };
+                let refused =
+                    crate::evaluate::evaluate(model, std::slice::from_ref(&log), &options);
+                let words = refused.unwrap_err().to_string();
+                assert!(words.contains("inputs, and the model has"), "{words}");
+            }
+        }
+    }
+
+    /// At 10 Hz 0.3 s have four samples: all windows started from the measured state, and nothing was said.
+    #[test]
+    fn a_slow_log_tells_of_the_past_too_and_where_it_does_not_is_counted() {
+        let (model, mut log, _) = recorded(0.0);
+        let every_fifth = |column: &Vec<f64>| column.iter().copied().step_by(5).collect();
+        for run in &mut log.runs {
+            run.t = every_fifth(&run.t);
+            run.q = run.q.iter().map(every_fifth).collect();
+        }
+        let options = Options {
+            initial: Initial::Past,
+            ..Options::default()
+        };
+        let evaluation = crate::evaluate::evaluate(&model, &[log], &options).unwrap();
+        // The four first samples have too few with them.
+        assert_eq!((evaluation.initial, evaluation.fallen_back), ("past", 4));
+        assert!(evaluation.windows > 30);
     }
 
     #[test]

@@ -620,6 +620,19 @@ fn evaluate_names_a_sample_whose_square_is_no_number() {
     assert!(stderr(&output).contains(words), "{}", stderr(&output));
 }
 
+/// It said that it had taken the steps that were asked for.
+#[test]
+fn simulate_tells_of_the_steps_that_it_has_taken() {
+    let (dir, [model, log]) = coasting((0..300).map(|k| 0.01 * f64::from(k)).map(|t| (t, t)));
+    let out = dir.path().join("t.csv").display().to_string();
+    let simulate = ["simulate", "--json", &model, "--log", &log, "--out", &out];
+    let output = pinode(&[&simulate[..], &["--step", "1e-12"]].concat());
+    let taken = stdout_json(&output)["longest_step_s"].as_f64().unwrap();
+    assert!((taken / 1e-5 - 1.0).abs() < 1e-6, "{taken}");
+    let words = "are taken, not of 1e-12 s: there are at most 1000 between two samples";
+    assert!(stderr(&output).contains(words), "{}", stderr(&output));
+}
+
 /// The double pendulum for 2 s, with what is said of it and the last row.
 #[cfg(feature = "adaptive")]
 fn swung(more: &[&str]) -> (Value, Vec<f64>) {

@@ -273,3 +273,49 @@ fn members_are_trained_from_seeds_that_follow_each_other_and_the_first_is_the_ne
     assert_eq!(files[1]["file"], "two/network-2.onnx");
     assert_eq!(files[1]["share"], 0.5);
 }
+
+#[test]
+fn a_simulation_writes_over_no_weights_and_both_its_files_or_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    sledge(folder);
+    let weights = std::fs::read(folder.join("weak.safetensors")).unwrap();
+    let cases: [(&[&str], &str); 4] = [
+        (&["--out", "weak.safetensors"], "is an input"),
+        (
+            &["--out", "a.csv", "--band", "weak.safetensors"],
+            "is an input",
+        ),
+        (&["--out", "a.csv", "--band", "a.csv"], "two results"),
+        (&["--out", "a.csv", "--band", "nowhere/b.csv"], "nowhere"),
+    ];
+    for (arguments, expected) in cases {
+        let all = [&["simulate", "sledge.toml", "--duration", "1"], arguments].concat();
+        let output = pinode(&all, folder);
+        let words = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{words}");
+        assert!(words.contains(expected), "{words}");
+        assert!(!folder.join("a.csv").exists(), "{arguments:?}");
+    }
+    assert!(weights == std::fs::read(folder.join("weak.safetensors")).unwrap());
+}
+
+#[test]
+fn check_shows_what_a_network_acts_on_and_sees() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    sledge(folder);
+    let report = json(&["check", "sledge.toml", "--json"], folder);
+    let expected = serde_json::json!([{
+        "weights": ["weak.safetensors", "strong.safetensors"],
+        "joints": ["x"],
+        "sees": ["v.x"],
+        "parameters": 2,
+        "precision": "f64",
+        "alone": false,
+    }]);
+    assert_eq!(report["networks"], expected);
+    let text = String::from_utf8(pinode(&["check", "sledge.toml"], folder).stdout).unwrap();
+    let line = "on x: the mean of 2, each of 2 parameters (f64), sees v.x, from weak.safetensors, strong.safetensors";
+    assert!(text.contains(line), "{text}");
+}

@@ -296,3 +296,35 @@ fn the_program_warns_people_and_tells_programs() {
     assert_eq!(json["left_training"], serde_json::json!([]));
     assert!(output.stderr.is_empty());
 }
+
+#[test]
+fn samples_ago_are_another_time_in_a_log_of_another_rate() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let late = Quantity::Input { input: 0, back: 2 };
+    let warnings = |quantities: &[Quantity], interval: Option<f64>| {
+        let force = still(quantities);
+        let model = sledge(folder, &force);
+        let card = Card {
+            interval,
+            ..model.networks[0].card.clone()
+        };
+        weights::write(&folder.join("drag.safetensors"), &force, &card, false).unwrap();
+        let model = Model::load(&folder.join("sledge.toml")).unwrap();
+        let path = folder.join("log.csv");
+        let rows = (0..200).map(|k| format!("{},{},0\n", 0.02 * f64::from(k), 0.01 * f64::from(k)));
+        let text = "t,q.x,u.push\n".to_owned() + &rows.collect::<String>();
+        std::fs::write(&path, text).unwrap();
+        let log = Log::read(&path, &model).unwrap();
+        let evaluation = evaluate(&model, &[log], &Options::default()).unwrap();
+        evaluation.warnings
+    };
+    let seen = [Quantity::Velocity(0), late];
+    let told = warnings(&seen, Some(0.01));
+    let words = "the network of drag.safetensors sees u.push[-2], and samples of 0.010000 s";
+    assert!(told.len() == 1 && told[0].contains(words), "{told:?}");
+    // The same rate, a file of before, and a network that sees the present alone.
+    assert_eq!(warnings(&seen, Some(0.02)), [""; 0]);
+    assert_eq!(warnings(&seen, None), [""; 0]);
+    assert_eq!(warnings(&seen[..1], Some(0.01)), [""; 0]);
+}

@@ -203,6 +203,24 @@ fn a_killed_training_resumes_to_the_same_bits_on_any_number_of_threads() {
     assert_eq!(refused.status.code(), Some(1));
     let words = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(words.contains("of another training"), "{words}");
+    // Nor does any from a file that is damaged.
+    let bytes = std::fs::read(&checkpoint).unwrap();
+    let mut with_nan = bytes.clone();
+    let end = bytes.len() - 8;
+    with_nan[end..].copy_from_slice(&f64::NAN.to_le_bytes());
+    for (damaged, expected) in [
+        (&bytes[..bytes.len() / 2], "is damaged"),
+        (with_nan.as_slice(), "is NaN"),
+    ] {
+        std::fs::write(&checkpoint, damaged).unwrap();
+        let arguments = [TRAIN, &["--epochs", "6", "--out", "killed", "--resume"]].concat();
+        let refused = pinode(&arguments, folder);
+        assert_eq!(refused.status.code(), Some(1));
+        let words = String::from_utf8_lossy(&refused.stderr).into_owned();
+        let said = words.contains(expected) && !words.contains("another training");
+        assert!(said, "{words}");
+    }
+    std::fs::write(&checkpoint, &bytes).unwrap();
     train(&["--out", "killed", "--resume"]);
     assert!(weights("whole") == weights("killed"));
     let model = |out: &str| std::fs::read(folder.join(out).join("model.toml")).unwrap();
@@ -213,19 +231,41 @@ fn a_killed_training_resumes_to_the_same_bits_on_any_number_of_threads() {
 fn what_networks_are_compared_with_are_models_too() {
     let folder = folder();
     let folder = folder.path();
-    for (baseline, network) in [("ode", false), ("black-box", true)] {
-        let more = ["--baseline", baseline, "--out", baseline, "--epochs", "3"];
-        let output = pinode(&[TRAIN, &more].concat(), folder);
+    let short = ["--units", "8", "--epochs", "3"];
+    for (baseline, more) in [("ode", &[][..]), ("black-box", &short)] {
+        let common = ["train", "sledge.toml", "log.csv", "--json"];
+        let own = ["--baseline", baseline, "--out", baseline];
+        let output = pinode(&[&common[..], &own, more].concat(), folder);
         let words = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(output.status.success(), "{words}");
+        let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let [loss, held_out] = ["loss", "held_out"].map(|key| report[key].as_f64().unwrap());
         let model = Model::load(&folder.join(baseline).join("model.toml")).unwrap();
+        let network = baseline != "ode";
         assert_eq!(!model.networks.is_empty(), network);
         // The black box does not know the mass.
         assert_eq!(model.mechanics.parameters().is_empty(), network);
-        if let Some(entry) = model.networks.first() {
-            assert!(entry.force.is_alone());
+        match model.networks.first() {
+            Some(entry) => assert!(entry.force.is_alone()),
+            // Nothing in the model brakes the sledge: far from the noise.
+            None => assert!(loss > 5.0 && held_out > 5.0, "{report}"),
         }
     }
+}
+
+/// The baseline took them, and did nothing with them.
+#[test]
+fn a_model_alone_takes_no_options_of_a_network() {
+    let folder = folder();
+    let common = ["train", "sledge.toml", "log.csv", "--out", "out"];
+    let more = ["--baseline", "ode", "--members", "3", "--sees", "v.x"];
+    let output = pinode(&[&common[..], &more].concat(), folder.path());
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{words}");
+    assert!(words.contains("leave out --members, --sees"), "{words}");
+    // A network needs a joint.
+    let output = pinode(&common, folder.path());
+    assert_eq!(output.status.code(), Some(2));
 }
 
 #[test]
@@ -239,6 +279,32 @@ fn what_cannot_be_trained_is_said_before_the_work() {
         (&["--joint", "x", "--units", "0"], "has no unit"),
         (&["--joint", "x", "--horizon", "80"], "no window of 79.99"),
         (&["--joint", "x", "--rate", "0"], "learning rate is 0"),
+        (
+            &["--joint", "x", "--step", "1e-300"],
+            "give a longer --step",
+        ),
+        (&["--joint", "x", "--step", "1e-9"], "2e7 steps in a sample"),
+        (
+            &["--joint", "x", "--units", "100000000,100000"],
+            "layer of 100000000 units is too large",
+        ),
+        (
+            &["--joint", "x", "--units", "4096,4096"],
+            "10000000 at most",
+        ),
+        (
+            &[
+                "--joint",
+                "x",
+                "--units",
+                "4096",
+                "--horizon",
+                "2",
+                "--step",
+                "1e-3",
+            ],
+            "GB of memory",
+        ),
     ];
     for (arguments, expected) in cases {
         let all = [
@@ -251,5 +317,96 @@ fn what_cannot_be_trained_is_said_before_the_work() {
         assert_eq!(output.status.code(), Some(1), "{words}");
         assert!(words.contains(expected), "{words} for {expected}");
         assert!(!folder.join("out/model.toml").exists());
+    }
+}
+
+/// A sledge with a network that a short training has left in `first`, there under the name `a.toml`.
+fn trained_before(folder: &Path) {
+    let more = ["--epochs", "1", "--quiet", "--out", "first"];
+    let output = pinode(&[TRAIN, &more].concat(), folder);
+    assert!(output.status.success());
+    std::fs::rename(folder.join("first/model.toml"), folder.join("first/a.toml")).unwrap();
+}
+
+/// The training wrote the new weights over those that its own model uses; a log at `OUT/metrics.jsonl` was lost as well.
+#[test]
+fn a_training_does_not_write_over_what_it_reads() {
+    let folder = folder();
+    let folder = folder.path();
+    trained_before(folder);
+    let weights = folder.join("first/network.safetensors");
+    let before = std::fs::read(&weights).unwrap();
+    let refused = |arguments: &[&str], name: &str| {
+        let output = pinode(arguments, folder);
+        let words = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{words}");
+        let said = words.contains(name) && words.contains("is an input that was read");
+        assert!(said, "{words}");
+    };
+    let again = ["--joint", "x", "--baseline", "black-box", "--epochs", "1"];
+    let over = ["train", "first/a.toml", "log.csv", "--out", "first"];
+    refused(&[&over[..], &again].concat(), "network.safetensors");
+    assert!(before == std::fs::read(&weights).unwrap());
+
+    let log = folder.join("first/metrics.jsonl");
+    std::fs::copy(folder.join("log.csv"), &log).unwrap();
+    let own = [
+        "train",
+        "sledge.toml",
+        "first/metrics.jsonl",
+        "--joint",
+        "x",
+    ];
+    refused(&[&own[..], &["--out", "first"]].concat(), "metrics.jsonl");
+    assert!(std::fs::read(&log).unwrap() == std::fs::read(folder.join("log.csv")).unwrap());
+}
+
+/// Room for all of the batch that was asked for was taken before anything else.
+#[test]
+fn a_batch_of_more_windows_than_there_are_is_one_of_all() {
+    let folder = folder();
+    let folder = folder.path();
+    let more = ["--epochs", "1", "--quiet", "--out", "out"];
+    let batch = ["--batch", "1000000000000"];
+    let output = pinode(&[TRAIN, &more, &batch].concat(), folder);
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{words}");
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interruption_of_a_later_member_tells_how_to_go_on_and_leaves_no_half_written_file() {
+    let folder = folder();
+    let folder = folder.path();
+    let child = Command::new(env!("CARGO_BIN_EXE_pinode"))
+        .args(TRAIN)
+        .args(["--members", "2", "--epochs", "20", "--out", "out"])
+        .current_dir(folder)
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let first = folder.join("out/metrics-1.jsonl");
+    let epochs = || std::fs::read_to_string(&first).map_or(0, |text| text.lines().count());
+    let began = Instant::now();
+    while epochs() < 20 && began.elapsed() < Duration::from_secs(120) {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    // The second member has just begun.
+    std::thread::sleep(Duration::from_millis(20));
+    let mut interrupt = Command::new("kill");
+    let sent = interrupt.args(["-INT", &child.id().to_string()]).status();
+    assert!(sent.unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(130), "{words}");
+    assert!(
+        words.contains("the same command with --resume goes on"),
+        "{words}"
+    );
+    for entry in std::fs::read_dir(folder.join("out")).unwrap() {
+        let name = entry.unwrap().file_name().to_string_lossy().into_owned();
+        let known = name.starts_with("checkpoint-") || name.starts_with("metrics-");
+        assert!(known, "{name}");
     }
 }

@@ -137,7 +137,7 @@ impl Contestant {
         };
         Ok(match self {
             Contestant::Ode | Contestant::OdeOnWindows => {
-                let revision = fit_physics(&training, &options)?;
+                let revision = fit_physics(&training, &options)?.revision;
                 model.write_revision(folder, "model.toml", &revision)?
             }
             Contestant::ConstantVelocity => {

@@ -8,6 +8,9 @@ use pinode_nn::cli::Output;
 use super::Error;
 use crate::paper::{Experiment, Outcome, PaperRig, report, table};
 
+/// Of each seed s the recordings have the seeds 2 s and 2 s + 1.
+const LAST_SEED: u64 = u64::MAX / 2;
+
 /// What to compare, and how long.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub(super) struct Arguments {
@@ -32,11 +35,11 @@ pub(super) fn run(
     first_seed: Option<u64>,
     output: &Output,
 ) -> Result<(), Error> {
+    let seeds = seeds(first_seed.unwrap_or(1), arguments.seeds)?;
     let rig = PaperRig::read(&models.join("paper.toml"))?;
-    let first = first_seed.unwrap_or(1);
     let experiment = Experiment {
         samples: [arguments.samples, table::TEST_SAMPLES],
-        seeds: (first..first + arguments.seeds).collect(),
+        seeds,
         epochs: arguments.epochs,
         outlook: !arguments.no_outlook,
         windows: 1000,
@@ -47,6 +50,20 @@ pub(super) fn run(
     output.note(&format!("written: {}", page.display()));
     output.result(&outcome, &text(&outcome))?;
     Ok(())
+}
+
+/// So many from `first` on.
+fn seeds(first: u64, count: u64) -> Result<Vec<u64>, Error> {
+    let last = first.checked_add(count.saturating_sub(1));
+    match last.filter(|last| *last <= LAST_SEED) {
+        Some(last) => Ok((first..=last).collect()),
+        None => Err(Error::Paper(crate::paper::Error::Setting {
+            key: "--seed".to_owned(),
+            message: format!(
+                "{first} has no {count} seeds from it on: the last one is {LAST_SEED}, take a smaller --seed or fewer --seeds"
+            ),
+        })),
+    }
 }
 
 fn text(outcome: &Outcome) -> String {
@@ -83,4 +100,21 @@ fn text(outcome: &Outcome) -> String {
         }
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    #[test]
+    fn seeds_end_where_numbers_do() {
+        assert_eq!(seeds(1, 3).unwrap(), [1, 2, 3]);
+        assert_eq!(seeds(LAST_SEED, 1).unwrap(), [LAST_SEED]);
+        for first in [LAST_SEED, u64::MAX] {
+            let words = seeds(first, 2).unwrap_err().to_string();
+            assert!(words.contains("has no 2 seeds from it on"), "{words}");
+        }
+    }
 }

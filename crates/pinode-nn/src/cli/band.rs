@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::output::Output;
 use super::stepping::{Effort, Stepping};
 use crate::Error;
-use crate::disk::write_atomically;
+use crate::disk::Staged;
 use crate::entries::{q_names, v_names};
 use crate::log::Run;
 use crate::model::Model;
@@ -31,7 +31,7 @@ impl Band {
     /// Of the members of `model`; none where it has no ensemble.
     ///
     /// # Errors
-    /// [`Error::NoEnsemble`] when a file is asked for and there is no ensemble; [`Error::OverwritesInput`].
+    /// [`Error::NoEnsemble`] when a file is asked for and there is no ensemble.
     pub fn of(
         model: &Model,
         file: Option<&PathBuf>,
@@ -107,15 +107,15 @@ impl Band {
         }
     }
 
-    /// Writes the file, where one is asked for.
+    /// Writes the file beside its place, where one is asked for.
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn write(&self) -> Result<(), Error> {
-        match &self.file {
-            Some((path, text)) => write_atomically(path, text.as_bytes()),
-            None => Ok(()),
-        }
+    pub fn stage(&self) -> Result<Option<Staged>, Error> {
+        let staged = self.file.as_ref();
+        staged
+            .map(|(path, text)| Staged::write(path, text.as_bytes()))
+            .transpose()
     }
 
     /// (name, unit, root mean square, largest) of every column; none where fewer than two members got to the end.

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::output::Output;
 use crate::Error;
-use crate::model::{EffectEntry, Model, Target};
+use crate::model::{EffectEntry, Model, NetworkEntry, Target};
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
@@ -74,6 +74,71 @@ fn parameters<'a>(
         .zip(&effect.values)
         .filter(|(_, value)| value.is_finite())
         .map(move |(spec, &value)| (spec.name, value, spec.quantity.unit(angular)))
+}
+
+/// The networks of a model, one an `[[effect]]` table: the members of an ensemble are together.
+fn networks(model: &Model) -> impl Iterator<Item = Network<'_>> {
+    let tables = model.networks.chunk_by(|a, b| a.table == b.table);
+    tables.filter_map(|members| {
+        let first = members.first()?;
+        Some(Network {
+            members,
+            joints: first.gives(model).into_iter().map(|d| d.name).collect(),
+            sees: first.sees(model).into_iter().map(|d| d.name).collect(),
+            parameters: first.force.network().parameters().len(),
+            precision: match first.single {
+                true => "f32",
+                false => "f64",
+            },
+            alone: first.force.is_alone(),
+        })
+    })
+}
+
+struct Network<'a> {
+    members: &'a [NetworkEntry],
+    joints: Vec<String>,
+    sees: Vec<String>,
+    /// Of each member.
+    parameters: usize,
+    precision: &'static str,
+    alone: bool,
+}
+
+impl Network<'_> {
+    fn weights(&self) -> Vec<&str> {
+        self.members.iter().map(|m| m.weights.as_str()).collect()
+    }
+
+    fn document(&self) -> Value {
+        json!({
+            "weights": self.weights(),
+            "joints": self.joints,
+            "sees": self.sees,
+            "parameters": self.parameters,
+            "precision": self.precision,
+            "alone": self.alone,
+        })
+    }
+
+    fn words(&self) -> String {
+        let of = match self.members.len() {
+            1 => String::new(),
+            n => format!("the mean of {n}, each of "),
+        };
+        let alone = match self.alone {
+            true => ", for all of Q there",
+            false => "",
+        };
+        format!(
+            "on {}{alone}: {of}{} parameters ({}), sees {}, from {}",
+            self.joints.join(", "),
+            self.parameters,
+            self.precision,
+            self.sees.join(", "),
+            self.weights().join(", ")
+        )
+    }
 }
 
 fn document(model: &Model) -> Value {
@@ -165,6 +230,7 @@ fn document(model: &Model) -> Value {
         "parameters": named(constants(model), "value"),
         "inputs": inputs,
         "effects": effects,
+        "networks": networks(model).map(|network| network.document()).collect::<Vec<_>>(),
         "sensors": sensors,
         "warnings": warnings,
     })
@@ -263,6 +329,12 @@ fn text(model: &Model) -> String {
             numbers.join(", "),
             if effect.fixed { " (fixed)" } else { "" }
         );
+    }
+    if !model.networks.is_empty() {
+        let _ = writeln!(out, "\nnetworks:");
+    }
+    for network in networks(model) {
+        let _ = writeln!(out, "  {}", network.words());
     }
     let count: usize = model.warnings.iter().map(|w| w.list.len()).sum();
     if count > 0 {

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use super::output::Output;
 use crate::Error;
+use crate::disk::refuse_overwriting;
 use crate::model::Model;
 
 #[derive(Debug, clap::Args)]
@@ -63,7 +64,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
         (None, Format::Latex) => formulas.to_latex(),
     };
     if let Some(path) = &arguments.out {
-        write(path, &arguments.model, &text)?;
+        write(path, &model, &text)?;
     }
     if output.json {
         let style = match arguments.format {
@@ -100,17 +101,9 @@ fn bound(arguments: &Arguments, model: &Model) -> Vec<Option<f64>> {
         .collect()
 }
 
-/// Writes the file, unless it is the model.
-fn write(path: &Path, model: &Path, text: &str) -> Result<(), Error> {
-    let same = |a: &Path, b: &Path| match (a.canonicalize(), b.canonicalize()) {
-        (Ok(a), Ok(b)) => a == b,
-        _ => false,
-    };
-    if same(path, model) {
-        return Err(Error::OverwritesInput {
-            path: path.to_owned(),
-        });
-    }
+/// Writes the file, unless it is one of the model's.
+fn write(path: &Path, model: &Model, text: &str) -> Result<(), Error> {
+    refuse_overwriting(&[path.to_owned()], &model.files())?;
     std::fs::write(path, text).map_err(|e| Error::io(path, e))
 }
 

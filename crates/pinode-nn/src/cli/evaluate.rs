@@ -68,9 +68,14 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
             evaluation.diverged, evaluation.windows
         ));
     }
-    for warning in &evaluation.warnings {
-        output.note(&format!("warning: {warning}"));
+    if evaluation.fallen_back > 0 {
+        output.note(&format!(
+            "warning: {} of {} windows start from the measured state, not from that of the past: too little is measured before them, or the \
+             model does not get there",
+            evaluation.fallen_back, evaluation.windows
+        ));
     }
+    output.warnings(&evaluation.warnings);
     output.departures(&evaluation.left_training);
     output.result(&evaluation, &text(&evaluation))
 }

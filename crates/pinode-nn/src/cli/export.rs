@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::Output;
 use crate::Error;
-use crate::disk::Staged;
+use crate::disk::{Staged, refuse_overwriting};
 use crate::learnt::{Described, onnx};
 use crate::model::{Model, NetworkEntry};
 
@@ -48,7 +48,7 @@ struct Exported {
     opset: i64,
     input: Tensor,
     output: Tensor,
-    /// Whether the forces stand for all of Q on their joints.
+    /// Whether the inputs act on their joints through them alone.
     alone: bool,
     /// The part of its forces that counts: 1 over the number of members of its ensemble.
     share: f64,
@@ -73,7 +73,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     let (mut networks, mut files) = (Vec::new(), Vec::new());
     for entry in &model.networks {
         let path = free_name(out, entry, &mut taken);
-        refuse_overwriting(&path, &model)?;
+        refuse_overwriting(std::slice::from_ref(&path), &model.files())?;
         let single = match arguments.precision {
             Some(precision) => precision == Precision::F32,
             None => entry.single,
@@ -99,21 +99,6 @@ fn free_name(out: &Path, entry: &NetworkEntry, taken: &mut BTreeSet<PathBuf>) ->
         path = out.join(format!("{stem}-{count}.onnx"));
     }
     path
-}
-
-/// Said before the work, not after it.
-fn refuse_overwriting(path: &Path, model: &Model) -> Result<(), Error> {
-    let read = model.networks.iter().map(|entry| &entry.path);
-    for input in read.chain([&model.path]) {
-        if let (Ok(new), Ok(old)) = (path.canonicalize(), input.canonicalize())
-            && new == old
-        {
-            return Err(Error::OverwritesInput {
-                path: path.to_owned(),
-            });
-        }
-    }
-    Ok(())
 }
 
 fn exported(model: &Model, entry: &NetworkEntry, path: &Path, single: bool) -> Exported {
@@ -168,7 +153,10 @@ fn text(report: &Report) -> String {
             );
         }
         if network.alone {
-            let _ = writeln!(out, "  these forces stand for all of Q on their joints");
+            let _ = writeln!(
+                out,
+                "  the inputs act on these joints through the network alone; effects of the model come beside it"
+            );
         }
     }
     out

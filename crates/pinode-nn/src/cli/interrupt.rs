@@ -2,11 +2,16 @@
 
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, Once, PoisonError};
+use std::time::Duration;
 
 use crate::diagnose::kept::Kept;
+use crate::disk::nothing_open;
 
 /// Exit code of an interrupted program: 128 and the number of SIGINT.
 const INTERRUPTED: i32 = 130;
+
+/// So long is waited between two looks at files that are being written.
+const SHORT: Duration = Duration::from_millis(1);
 
 /// The work under way.
 struct Running {
@@ -21,7 +26,8 @@ enum Work {
         draft: PathBuf,
     },
     Training {
-        checkpoint: PathBuf,
+        /// Of all members so far, the one under way last.
+        checkpoints: Vec<PathBuf>,
     },
 }
 
@@ -42,9 +48,9 @@ impl Interruptible {
         Self::start(Work::Diagnosis { kept, draft }, quiet)
     }
 
-    /// A training, whose last checkpoint stays.
-    pub fn training(checkpoint: PathBuf, quiet: bool) -> Self {
-        Self::start(Work::Training { checkpoint }, quiet)
+    /// A training, whose last checkpoint among these stays, and those before it.
+    pub fn training(checkpoints: Vec<PathBuf>, quiet: bool) -> Self {
+        Self::start(Work::Training { checkpoints }, quiet)
     }
 
     fn start(work: Work, quiet: bool) -> Self {
@@ -66,10 +72,23 @@ impl Drop for Interruptible {
     }
 }
 
+/// What is running, when no file is half written. Whoever is to write waits for what is running, and the other way round: neither is held
+/// while the other is waited for.
+fn between_files() -> (MutexGuard<'static, Option<Running>>, impl Sized) {
+    loop {
+        let running = running();
+        if let Some(nothing_open) = nothing_open() {
+            return (running, nothing_open);
+        }
+        drop(running);
+        std::thread::sleep(SHORT);
+    }
+}
+
 /// Runs in a thread of its own.
 fn interrupted() {
     // Held to the end: nothing is renamed or written from here on.
-    let running = running();
+    let (running, _nothing_open) = between_files();
     if let Some(Running { work, quiet }) = running.as_ref() {
         let message = match work {
             Work::Diagnosis { kept, draft } => {
@@ -81,11 +100,15 @@ fn interrupted() {
                     kept.path().display()
                 )
             }
-            Work::Training { checkpoint } if checkpoint.exists() => format!(
-                "interrupted; the last epoch is kept in {}: the same command with --resume goes on from there",
-                checkpoint.display()
-            ),
-            Work::Training { .. } => "interrupted before the first epoch ended".to_owned(),
+            Work::Training { checkpoints } => {
+                match checkpoints.iter().rev().find(|path| path.exists()) {
+                    Some(checkpoint) => format!(
+                        "interrupted; the last epoch is kept in {}: the same command with --resume goes on from there",
+                        checkpoint.display()
+                    ),
+                    None => "interrupted before the first epoch ended".to_owned(),
+                }
+            }
         };
         if !quiet {
             eprintln!("{message}");

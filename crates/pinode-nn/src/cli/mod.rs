@@ -21,7 +21,8 @@ pub mod workflow;
 
 use std::process::ExitCode;
 
-use clap::{Args, Parser, Subcommand};
+use clap::error::ErrorKind;
+use clap::{Args, CommandFactory, Parser, Subcommand};
 
 use crate::Error;
 
@@ -85,6 +86,14 @@ pub fn run() -> ExitCode {
             return ExitCode::from(u8::try_from(e.exit_code()).unwrap_or(2));
         }
     };
+    if let Command::Train(arguments) = &cli.command
+        && let Some(what) = arguments.contradiction()
+    {
+        let _ = Cli::command()
+            .error(ErrorKind::ArgumentConflict, what)
+            .print();
+        return ExitCode::from(2);
+    }
     let output = Output {
         json: cli.common.json,
         quiet: cli.common.quiet,

@@ -70,6 +70,13 @@ impl Output {
         }
     }
 
+    /// Warnings on stderr.
+    pub fn warnings(&self, warnings: &[String]) {
+        for warning in warnings {
+            self.note(&format!("warning: {warning}"));
+        }
+    }
+
     /// Warns of networks that left what they were trained on.
     pub fn departures(&self, departures: &[Departure]) {
         for departure in departures {

@@ -14,11 +14,13 @@ use super::band::Band;
 use super::output::Output;
 use super::stepping::{Effort, Stepping};
 use crate::Error;
-use crate::disk::write_atomically;
+use crate::disk::{Staged, refuse_overwriting};
 use crate::entries::{q_names, starts, v_names};
-use crate::free_run::{Initial, LONGEST_STEP, initial_states};
+use crate::free_run::{
+    Initial, LONGEST_STEP, initial_states, longest_step as longest_taken, step_warning,
+};
 use crate::hybrid::Hybrid;
-use crate::learnt::Guard;
+use crate::learnt::{Guard, other_intervals};
 use crate::log::Run;
 use crate::model::Model;
 
@@ -80,16 +82,13 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 
 pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     let model = output.load_model(&arguments.model)?;
-    let outputs = || std::iter::once(&arguments.out).chain(&arguments.band);
-    for input in std::iter::once(&arguments.model).chain(&arguments.log) {
-        for out in outputs() {
-            if let (Ok(input), Ok(same)) = (input.canonicalize(), out.canonicalize())
-                && input == same
-            {
-                return Err(Error::OverwritesInput { path: out.clone() });
-            }
-        }
-    }
+    let outputs: Vec<PathBuf> = std::iter::once(&arguments.out)
+        .chain(&arguments.band)
+        .cloned()
+        .collect();
+    let mut inputs = model.files();
+    inputs.extend(arguments.log.as_deref());
+    refuse_overwriting(&outputs, &inputs)?;
     let with_run = arguments.log.is_some();
     let mut band = Band::of(&model, arguments.band.as_ref(), with_run)?;
     let step = longest_step(arguments)?;
@@ -104,6 +103,8 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     };
     let mut text = header(&model, arguments.log.is_some()).into_bytes();
     let (mut samples, mut effort) = (0, Effort::default());
+    let all: Vec<&Run> = runs.iter().collect();
+    let (mut taken, mut warnings) = (step, other_intervals(&model, &all));
     let mut guard = Guard::new(&model);
     for mut run in runs {
         if let Some(duration) = arguments.duration {
@@ -126,6 +127,11 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
             .method
             .simulate(&model, &run, &initial, fineness, &mut effort)?;
         samples += states.len();
+        if let Stepping::Fixed(_) = arguments.method {
+            let longest = longest_taken(&run.t, f64::INFINITY, step);
+            warnings.extend(step_warning(&run.id, longest, step));
+            taken = taken.max(longest);
+        }
         guard.watch(&run.id, &run.t, &run.u, &states);
         if let Some(band) = &mut band {
             let run = (&run, with_run);
@@ -134,15 +140,21 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
         let id = arguments.log.is_some().then_some(run.id.as_str());
         write_rows(&mut text, &model, &run, id, &states)?;
     }
-    write_atomically(&arguments.out, &text)?;
-    band.as_ref().map_or(Ok(()), Band::write)?;
+    let mut staged = vec![Staged::write(&arguments.out, &text)?];
+    if let Some(band) = &band {
+        staged.extend(band.stage()?);
+    }
+    staged.into_iter().try_for_each(Staged::commit)?;
     let path = arguments.out.display().to_string();
     let left_training = guard.departures();
     output.departures(&left_training);
-    let mut document = json!({ "out": path, "samples": samples, "left_training": left_training });
+    output.warnings(&warnings);
+    let mut document = json!({
+        "out": path, "samples": samples, "left_training": left_training, "warnings": warnings,
+    });
     let mut text = format!("{samples} samples written to {path}\n");
     match arguments.method {
-        Stepping::Fixed(_) => document["longest_step_s"] = json!(step),
+        Stepping::Fixed(_) => document["longest_step_s"] = json!(taken),
         Stepping::Adapting(_) => {
             document["relative_tolerance"] = json!(tolerance);
             document["effort"] = effort.document();

@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::Output;
 use super::interrupt::Interruptible;
 use crate::Error;
-use crate::disk::write_atomically;
+use crate::disk::{refuse_overwriting, write_atomically};
 use crate::learnt::Quantity;
 use crate::learnt::law::Law;
 use crate::log::Log;
@@ -19,7 +19,8 @@ use crate::model::Model;
 use crate::naming::{hint, quoted};
 use crate::network::Activation;
 use crate::train::{
-    Checkpoint, Epoch, Options, Trained, Training, fit_physics, train, weights_name, write_ensemble,
+    Checkpoint, Epoch, MODEL, Options, Trained, Training, fit_physics, train, weights_name,
+    write_ensemble,
 };
 
 /// What was done so far, in the folder of a training.
@@ -36,8 +37,8 @@ pub(super) struct Arguments {
     /// Logs, CSV files; without --holdout, the last eighth of each recording tells when to stop
     #[arg(required = true)]
     logs: Vec<PathBuf>,
-    /// Joints that the network acts on
-    #[arg(long = "joint", value_name = "JOINT", required = true, num_args = 1..)]
+    /// Joints that the network acts on; a baseline needs none
+    #[arg(long = "joint", value_name = "JOINT", required_unless_present = "baseline", num_args = 1..)]
     joints: Vec<String>,
     /// Folder for model.toml, its weights, metrics and checkpoint
     #[arg(long, value_name = "DIR")]
@@ -49,8 +50,9 @@ pub(super) struct Arguments {
     #[arg(long)]
     resume: bool,
     /// Networks to train, from so many seeds from --seed on: their mean is the force, and how far they are apart says how far it is known
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=100))]
-    members: u16,
+    /// [default: 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=100))]
+    members: Option<u16>,
     /// Train instead what a network is compared with
     #[arg(long, value_enum, conflicts_with = "resume")]
     baseline: Option<Baseline>,
@@ -61,13 +63,13 @@ pub(super) struct Arguments {
     /// [default: all angles, those that wrap as cosine and sine, all velocities and inputs]
     #[arg(long, value_name = "NAME", num_args = 1..)]
     sees: Vec<String>,
-    /// Units of the hidden layers
-    #[arg(long, value_name = "N,N,…", value_delimiter = ',', default_values_t = [50, 50, 50])]
+    /// Units of the hidden layers [default: 50,50,50]
+    #[arg(long, value_name = "N,N,…", value_delimiter = ',')]
     units: Vec<usize>,
-    /// Activation of the hidden layers
-    #[arg(long, value_enum, default_value_t = Hidden::Relu)]
-    activation: Hidden,
-    /// The network stands for all of Q on its joints, the inputs' forces included
+    /// Activation of the hidden layers [default: relu]
+    #[arg(long, value_enum)]
+    activation: Option<Hidden>,
+    /// The inputs act on the network's joints through it alone; effects of the model stay beside it
     #[arg(long)]
     alone: bool,
     /// Length of a window, s, at least one sample interval [default: 0.4; with --paper one sample interval]
@@ -85,9 +87,9 @@ pub(super) struct Arguments {
     /// Stop when so many epochs bring nothing on what is held out [default: 60; with --paper 20]
     #[arg(long, value_name = "N")]
     patience: Option<usize>,
-    /// Precision of the network; the mechanics are always f64
-    #[arg(long, value_enum, default_value_t = Precision::F32)]
-    precision: Precision,
+    /// Precision of the network; the mechanics are always f64 [default: f32]
+    #[arg(long, value_enum)]
+    precision: Option<Precision>,
     /// Leave the constants of the model and its effects as they are, instead of fitting them first
     #[arg(long)]
     keep_physics: bool,
@@ -112,12 +114,39 @@ enum Hidden {
     Tanh,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Precision {
     /// 32 bits: twice as fast
     F32,
     /// 64 bits
     F64,
+}
+
+impl Arguments {
+    /// What is given for a network where there is none.
+    pub fn contradiction(&self) -> Option<String> {
+        let of_network = [
+            ("--members", self.members.is_some()),
+            ("--sees", !self.sees.is_empty()),
+            ("--units", !self.units.is_empty()),
+            ("--activation", self.activation.is_some()),
+            ("--alone", self.alone),
+            ("--epochs", self.epochs.is_some()),
+            ("--batch", self.batch.is_some()),
+            ("--rate", self.rate.is_some()),
+            ("--patience", self.patience.is_some()),
+            ("--precision", self.precision.is_some()),
+            ("--keep-physics", self.keep_physics),
+        ];
+        let given = of_network.iter().filter(|(_, given)| *given);
+        let names: Vec<&str> = given.map(|(name, _)| *name).collect();
+        (self.baseline == Some(Baseline::Ode) && !names.is_empty()).then(|| {
+            format!(
+                "--baseline ode fits the model alone, without a network: leave out {}",
+                names.join(", ")
+            )
+        })
+    }
 }
 
 /// What `--json` prints: of the first network, and of all in `members` where there are several.
@@ -136,6 +165,7 @@ struct Report<'a> {
     network: &'a crate::learnt::Card,
     #[serde(skip)]
     laws: &'a [Law],
+    warnings: Vec<String>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     members: Vec<Member>,
 }
@@ -155,7 +185,7 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
     let given = output.load_model(&arguments.model)?;
     let model = match arguments.baseline {
         Some(Baseline::BlackBox) => given.without_mechanics(true)?,
-        _ => given,
+        _ => given.clone(),
     };
     let read = |paths: &[PathBuf]| {
         let logs = paths.iter().map(|path| output.read_log(path, &model));
@@ -166,9 +196,18 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
     if arguments.baseline == Some(Baseline::BlackBox) {
         options.joints = (0..model.mechanics.coordinates().len()).collect();
         options.alone = true;
+        // Nothing of the model is left to be fitted.
+        options.physics = false;
     }
     let out = arguments.out.as_path();
-    refuse_overwriting(&model, out)?;
+    let count = usize::from(arguments.members.unwrap_or(1));
+    let outputs = match arguments.baseline {
+        Some(Baseline::Ode) => vec![out.join(MODEL)],
+        _ => outputs(out, count),
+    };
+    let read = logs.iter().chain(&held_out).map(|log| log.path.as_path());
+    let inputs: Vec<&Path> = given.files().into_iter().chain(read).collect();
+    refuse_overwriting(&outputs, &inputs)?;
     std::fs::create_dir_all(out).map_err(|e| Error::io(out, e))?;
     let training = Training {
         model: &model,
@@ -178,9 +217,11 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
     if arguments.baseline == Some(Baseline::Ode) {
         return fit_alone(&training, options, out, output);
     }
-    let count = usize::from(arguments.members);
     let metrics: Vec<PathBuf> = (0..count)
         .map(|k| out.join(numbered(METRICS, k, count)))
+        .collect();
+    let checkpoints: Vec<PathBuf> = (0..count)
+        .map(|k| out.join(numbered(CHECKPOINT, k, count)))
         .collect();
     let mut members = Vec::new();
     for (k, metrics) in metrics.iter().enumerate() {
@@ -192,9 +233,11 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
             output.note(&format!("member {} of {count}", k + 1));
         }
         let checkpoint = Checkpoint {
-            path: out.join(numbered(CHECKPOINT, k, count)),
+            path: checkpoints[k].clone(),
             resume: arguments.resume,
         };
+        let so_far = checkpoints[..=k].to_vec();
+        let _interruptible = Interruptible::training(so_far, output.quiet);
         members.push(train_one(
             &training,
             &options,
@@ -203,18 +246,19 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
             output,
         )?);
     }
-    let checkpoints = || (0..count).map(|k| out.join(numbered(CHECKPOINT, k, count)));
-    let interruptible =
-        Interruptible::training(checkpoints().next_back().unwrap_or_default(), output.quiet);
+    let interruptible = Interruptible::training(checkpoints.clone(), output.quiet);
     let whole = interruptible.wait();
     let path = write_ensemble(&members, &model, out)?;
     // Finished: there is nothing to go on with.
-    checkpoints().for_each(|checkpoint| drop(std::fs::remove_file(checkpoint)));
+    for checkpoint in &checkpoints {
+        let _ = std::fs::remove_file(checkpoint);
+    }
     drop(whole);
     let Some(first) = members.first() else {
         return Ok(()); // at least one is trained
     };
     let report = report(&members, first, &path, out, &metrics);
+    output.warnings(&report.warnings);
     output.result(&report, &text(&report))
 }
 
@@ -229,13 +273,28 @@ fn fit_alone(
         physics: true,
         ..options
     };
-    let revision = fit_physics(training, &options)?;
+    let fitted = fit_physics(training, &options)?;
     let path = training
         .model
-        .write_revision(out, "model.toml", &revision)?;
+        .write_revision(out, MODEL, &fitted.revision)?;
+    output.warnings(&fitted.warnings);
     let model = path.display().to_string();
-    let text = format!("the model alone, fitted\nwritten:\n  {model}\n");
-    output.result(&serde_json::json!({ "model": model }), &text)
+    let ([windows, diverged], [others, lost]) = (fitted.windows, fitted.windows_held_out);
+    let text = format!(
+        "the model alone, fitted: loss {:.4} ({diverged} of {windows} windows diverge), held out {:.4} ({lost} of {others})\nwritten:\n  {model}\n",
+        fitted.loss, fitted.held_out
+    );
+    let document = serde_json::json!({
+        "model": model,
+        "windows": windows,
+        "diverged": diverged,
+        "loss": fitted.loss,
+        "windows_held_out": others,
+        "held_out_diverged": lost,
+        "held_out": fitted.held_out,
+        "warnings": fitted.warnings,
+    });
+    output.result(&document, &text)
 }
 
 /// Trains one network. Its checkpoint stays until all members of an ensemble are there.
@@ -246,7 +305,6 @@ fn train_one(
     metrics: &Path,
     output: &Output,
 ) -> Result<Trained, Error> {
-    let _interruptible = Interruptible::training(checkpoint.path.clone(), output.quiet);
     let mut watch = Watch::new(output, options, metrics.to_owned());
     train(training, options, Some(checkpoint), &mut |epoch| {
         watch.epoch(epoch)
@@ -298,10 +356,14 @@ fn options(arguments: &Arguments, seed: u64, model: &Model) -> Result<Options, E
     };
     Ok(Options {
         quantities,
-        units: arguments.units.clone(),
+        units: match arguments.units.is_empty() {
+            true => base.units,
+            false => arguments.units.clone(),
+        },
         hidden: match arguments.activation {
-            Hidden::Relu => Activation::Relu,
-            Hidden::Tanh => Activation::Tanh,
+            Some(Hidden::Relu) => Activation::Relu,
+            Some(Hidden::Tanh) => Activation::Tanh,
+            None => base.hidden,
         },
         alone: base.alone || arguments.alone,
         horizon: arguments.horizon.unwrap_or(base.horizon),
@@ -309,7 +371,10 @@ fn options(arguments: &Arguments, seed: u64, model: &Model) -> Result<Options, E
         batch: arguments.batch.unwrap_or(base.batch),
         rate: arguments.rate.unwrap_or(base.rate),
         patience: arguments.patience.unwrap_or(base.patience),
-        single: matches!(arguments.precision, Precision::F32),
+        single: match arguments.precision {
+            Some(precision) => precision == Precision::F32,
+            None => base.single,
+        },
         physics: base.physics && !arguments.keep_physics,
         longest_step: arguments.step,
         seed,
@@ -317,13 +382,20 @@ fn options(arguments: &Arguments, seed: u64, model: &Model) -> Result<Options, E
     })
 }
 
-/// Said before the work, not after it.
-fn refuse_overwriting(model: &Model, out: &Path) -> Result<(), Error> {
-    let path = out.join("model.toml");
-    match (path.canonicalize(), model.path.canonicalize()) {
-        (Ok(new), Ok(old)) if new == old => Err(Error::OverwritesInput { path }),
-        _ => Ok(()),
-    }
+/// All files of a training of `count` networks.
+fn outputs(out: &Path, count: usize) -> Vec<PathBuf> {
+    let of_member = |k: usize| {
+        [
+            weights_name(k, count),
+            numbered(METRICS, k, count),
+            numbered(CHECKPOINT, k, count),
+        ]
+    };
+    let names = (0..count).flat_map(of_member);
+    names
+        .chain([MODEL.to_owned()])
+        .map(|name| out.join(name))
+        .collect()
 }
 
 /// Tells how the epochs go.
@@ -367,10 +439,13 @@ impl<'a> Watch<'a> {
         // A Vec takes all.
         let _ = writeln!(self.lines, "{line}");
         write_atomically(&self.metrics, &self.lines)?;
-        let message = format!(
+        let mut message = format!(
             "loss {:.4}, held out {:.4} (best {:.4})",
             epoch.loss, epoch.held_out, self.best
         );
+        if epoch.held_out_diverged > 0 {
+            message += &format!(", {} windows held out diverge", epoch.held_out_diverged);
+        }
         self.bar.set_position(epoch.epoch as u64);
         self.bar.set_message(message.clone());
         let due = self.told.is_none_or(|told| told.elapsed() > EVERY);
@@ -437,8 +512,25 @@ fn report<'a>(
         held_out_without_network: first.without_network,
         network: &first.card,
         laws: &first.laws,
+        warnings: warnings(members),
         members: if count > 1 { all } else { Vec::new() },
     }
+}
+
+/// Those of all members: what they share once, the others with their member.
+fn warnings(members: &[Trained]) -> Vec<String> {
+    let mut all = Vec::new();
+    for (k, member) in members.iter().enumerate() {
+        for warning in &member.warnings {
+            let shared = members.iter().all(|m| m.warnings.contains(warning));
+            match shared {
+                true if k > 0 => {}
+                true => all.push(warning.clone()),
+                false => all.push(format!("member {}: {warning}", k + 1)),
+            }
+        }
+    }
+    all
 }
 
 fn text(report: &Report<'_>) -> String {

@@ -126,6 +126,7 @@ impl Resort<'_> {
                 inputs: &inputs,
             },
         );
+        card.interval = Some(self.interval);
         let law = Law::of(&force, 0, &states, self.model);
         let words = serde_json::json!({
             "program": concat!("pinode ", env!("CARGO_PKG_VERSION")),
@@ -250,7 +251,7 @@ impl Resort<'_> {
         let moving: Vec<usize> = (0..features.len())
             .filter(|&k| features[k].range[1] > features[k].range[0])
             .collect();
-        if moving.is_empty() || !(self.rms > 0.0) {
+        if moving.is_empty() || self.rms.is_nan() || self.rms <= 0.0 {
             return None;
         }
         let d = features.len();

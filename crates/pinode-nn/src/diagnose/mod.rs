@@ -57,7 +57,7 @@ use self::verdict::{
     DataFault, Diagnosis, Disagreement, Learnt, LogProvenance, Numerics, Provenance, Verdict,
 };
 use crate::Error;
-use crate::disk::copy_beside;
+use crate::disk::Together;
 use crate::effect::Kind;
 use crate::entries::refuse_poses;
 use crate::hybrid::Hybrid;
@@ -296,7 +296,9 @@ pub(crate) fn diagnose_into(
                 let shrinks = gap::gap(study, &written, &compared, HORIZON_S);
                 if shrinks.windows > 0 && shrinks.after < shrinks.before {
                     let bytes = weights::to_bytes(&path, &taught.force, &taught.card, false)?;
-                    let name = copy_beside(last_resort::WEIGHTS.as_ref(), &bytes, out)?;
+                    let mut files = Together::new(out);
+                    let name = files.put_beside(last_resort::WEIGHTS.as_ref(), &bytes)?;
+                    files.commit()?;
                     let network = Some(taught.entry(&name, seed));
                     search.model = taught.fitted;
                     (path, written) = write(model, &search, &provenance, file, network)?;

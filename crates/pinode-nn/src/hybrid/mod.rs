@@ -118,7 +118,7 @@ pub struct Hybrid {
     ranges: Vec<Range<usize>>,
     /// Where the states of each effect lie in h.
     state_ranges: Vec<Range<usize>>,
-    /// Whether an input does not act on its joint itself: a transmission stands between, or a network for all of Q.
+    /// Whether an input does not act on its joint itself: a transmission stands between, or they act through a network alone.
     carried: Vec<bool>,
     /// What was learnt of Q.
     networks: Vec<Arc<LearntForce>>,
@@ -415,7 +415,7 @@ impl Hybrid {
         .collect()
     }
 
-    /// Inputs of these coordinates do not act by themselves any more: a network stands for all of Q there.
+    /// Inputs of these coordinates do not act by themselves any more, but through a network alone; effects of the model do.
     pub(crate) fn leave_to_network(&mut self, coordinates: &[usize]) {
         for (carried, own) in self.carried.iter_mut().zip(&self.input_coordinates) {
             *carried |= coordinates.contains(own);

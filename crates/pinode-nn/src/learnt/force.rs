@@ -102,7 +102,7 @@ impl LearntForce {
         &self.outputs
     }
 
-    /// Whether it stands for all of Q on its joints, the inputs' forces included.
+    /// Whether the inputs act on its joints through it alone; effects of the model come beside it.
     pub fn is_alone(&self) -> bool {
         self.alone
     }

@@ -229,7 +229,7 @@ fn formula(values: &[f64], states: &[&[f64]], functions: &[Function]) -> Option<
     let mean = values.iter().sum::<f64>() / n as f64;
     let centred: Vec<f64> = values.iter().map(|f| f - mean).collect();
     let total = squares(&centred);
-    if !(total > 0.0) {
+    if total.is_nan() || total <= 0.0 {
         return None;
     }
     // Columns without their means; what was chosen is taken out of those that are left.

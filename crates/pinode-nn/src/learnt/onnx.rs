@@ -10,7 +10,7 @@
 //! |---|---|
 //! | `pinode.features` | JSON, one object a column of `features`: `name`, `unit`, `meaning`, and `range`: outside of it the force was never seen |
 //! | `pinode.forces` | JSON, one object a column of `forces`: `name` of the joint, `unit`, `meaning` |
-//! | `pinode.alone` | `true`: the forces stand for all of Q on their joints, also for what inputs do there; else they come to the rest of Q |
+//! | `pinode.alone` | `true`: the inputs act on these joints through these forces alone; else they act beside them. Effects of the model come beside them in both |
 //! | `pinode.share` | the part of the forces that counts: 1, or of a member of an ensemble, whose force is the mean, 1 over the number of members |
 //! | `pinode.model`, `pinode.weights`, `pinode.weights_sha256` | what it was made from |
 //!
@@ -74,7 +74,9 @@ fn message(model: &Model, entry: &NetworkEntry, single: bool) -> Result<ModelPro
     let kind = if single { FLOAT } else { DOUBLE };
     let graph = Graph::of(force, &columns, kind)?;
     let role = match force.is_alone() {
-        true => "They stand for all of Q on their joints, also for what inputs do there.",
+        true => {
+            "The inputs act on these joints through them alone; effects of the model come beside them."
+        }
         false => "They come to what inputs and effects give on their joints.",
     };
     let metadata = [

@@ -42,11 +42,14 @@ pub struct Card {
     pub features: Vec<FeatureCard>,
     /// What it acts on, in the order of its outputs.
     pub joints: Vec<JointCard>,
-    /// Whether it stands for all of Q on these joints, the inputs' forces included.
+    /// Whether the inputs act on these joints through it alone; effects of the model come beside it.
     pub alone: bool,
     /// No state of the training data is farther than this from a point of the tensor `region`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reach: Option<f64>,
+    /// The time between the samples of the logs that it was trained on, s: what some samples ago means.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interval: Option<f64>,
     /// How it was trained; any text that programs need not understand.
     #[serde(default, skip_serializing_if = "serde_json::Map::is_empty")]
     pub training: serde_json::Map<String, serde_json::Value>,
@@ -111,6 +114,7 @@ impl Card {
             joints: joints.collect(),
             alone: force.is_alone(),
             reach: force.region().map(Region::reach),
+            interval: None,
             training: serde_json::Map::new(),
         }
     }

@@ -119,6 +119,34 @@ impl Log {
         read::parse(path, bytes, channels)
     }
 
+    /// Whether the recordings have the columns of `model`: whether they were read for it, or for one like it.
+    ///
+    /// # Errors
+    /// [`Error::OtherModel`].
+    pub fn check(&self, model: &Model) -> Result<(), Error> {
+        let n = model.mechanics.coordinates().len();
+        let inputs = model.inputs.len();
+        for run in &self.runs {
+            let columns = [
+                ("positions", run.q.len(), n),
+                ("velocities", run.v.len(), n),
+                ("inputs", run.u.len(), inputs),
+            ];
+            for (what, found, expected) in columns {
+                if found != expected {
+                    return Err(Error::OtherModel {
+                        log: self.path.clone(),
+                        run: run.id.clone(),
+                        what,
+                        found,
+                        expected,
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// Number of samples in all runs.
     pub fn samples(&self) -> usize {
         self.runs.iter().map(Run::len).sum()

@@ -1,5 +1,6 @@
 //! A model of which nothing is known but its coordinates, inputs and sensors: what black boxes and naive predictions start from.
 
+use lagrange::{Coordinate, Field, TextLagrangian, TextProblem, TextSource};
 use toml_edit::{Array, DocumentMut, Item, Table, value};
 
 use super::Model;
@@ -14,16 +15,17 @@ impl Model {
     /// all of them it is a black box, v̇ = Q_NN(q, v, u) ([`Options::alone`](crate::train::Options::alone)). `driven`: whether it keeps its inputs.
     ///
     /// # Errors
-    /// [`Error::Problems`] when a coordinate has a name that no expression can have; [`Error::Floating`] when one is the pose of a floating body.
+    /// [`Error::NoFormula`] when a coordinate has a name that no formula can have; [`Error::Floating`] when one is the pose of a floating body.
     pub fn without_mechanics(&self, driven: bool) -> Result<Model, Error> {
         let coordinates = self.mechanics.coordinates();
         crate::entries::refuse_poses(coordinates, "a model without mechanics")?;
+        refuse_names(coordinates)?;
         let mut document: DocumentMut = self.text.parse().map_err(|e: toml_edit::TomlError| {
             Error::io(&self.path, std::io::Error::other(e.to_string()))
         })?;
         let table = document.as_table_mut();
         table.retain(|key, _| LEFT.contains(&key) || (driven && key == INPUT));
-        let names = |keep: &dyn Fn(&lagrange::Coordinate) -> bool| -> Array {
+        let names = |keep: &dyn Fn(&Coordinate) -> bool| -> Array {
             let kept = coordinates.iter().filter(|c| keep(c));
             kept.map(|c| c.name.as_str()).collect()
         };
@@ -32,11 +34,38 @@ impl Model {
         let mut lagrangian = Table::new();
         lagrangian.insert("coordinates", value(names(&|_| true)));
         lagrangian.insert("angles", value(names(&|c| c.angular)));
+        let unwrapped = names(&|c| c.angular && !c.wraps);
+        if !unwrapped.is_empty() {
+            lagrangian.insert("unwrapped", value(unwrapped));
+        }
         lagrangian.insert("kinetic", value(format!("0.5*({})", squares.join(" + "))));
         lagrangian.insert("potential", value("0"));
         table.insert("lagrangian", Item::Table(lagrangian));
         Model::parse(&self.path, document.to_string())
     }
+}
+
+/// Refuses names that no formula can have.
+fn refuse_names(coordinates: &[Coordinate]) -> Result<(), Error> {
+    for coordinate in coordinates {
+        let alone = TextSource {
+            coordinates: vec![coordinate.name.clone()],
+            angles: Vec::new(),
+            kinetic: "0".to_owned(),
+            potential: "0".to_owned(),
+            constraints: Vec::new(),
+            parameters: Vec::new(),
+        };
+        let problems = TextLagrangian::new(&alone).err().unwrap_or_default();
+        let of_name = |problem: &&TextProblem| matches!(problem.field, Field::Coordinates(_));
+        if let Some(problem) = problems.iter().find(of_name) {
+            return Err(Error::NoFormula {
+                joint: coordinate.joint.clone(),
+                what: problem.message.clone(),
+            });
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -45,8 +74,8 @@ mod tests {
 
     use std::path::Path;
 
+    use super::*;
     use crate::hybrid::Hybrid;
-    use crate::model::Model;
 
     #[test]
     fn without_mechanics_everything_goes_on_as_it_moves() {
@@ -81,5 +110,31 @@ mod tests {
                 assert!((last - expected).abs() < 1e-12, "{last} {expected}");
             }
         }
+    }
+
+    fn blank_of(name: &str) -> (Model, Result<Model, Error>) {
+        let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
+        let model = Model::load(&models.join(format!("{name}/{name}.toml"))).unwrap();
+        let blank = model.without_mechanics(true);
+        (model, blank)
+    }
+
+    /// Its joints turned round and round.
+    #[test]
+    fn joints_with_ends_stay_angles_that_do_not_wrap() {
+        let (model, blank) = blank_of("arm7");
+        let blank = blank.unwrap();
+        let both = blank.mechanics.coordinates().iter();
+        for (blank, given) in both.zip(model.mechanics.coordinates()) {
+            assert!(given.angular && !given.wraps);
+            assert_eq!((blank.angular, blank.wraps), (true, false));
+        }
+    }
+
+    #[test]
+    fn a_planar_joint_has_no_name_in_formulas() {
+        let words = blank_of("mobile_arm").1.unwrap_err().to_string();
+        assert!(words.contains("`drive.x` is not a name"), "{words}");
+        assert!(words.contains("rename the joint `drive`"), "{words}");
     }
 }

@@ -310,6 +310,7 @@ fn from_text(
         &[
             "coordinates",
             "angles",
+            "unwrapped",
             "kinetic",
             "potential",
             "constraints",
@@ -326,6 +327,18 @@ fn from_text(
     }
     let coordinates = coordinates.unwrap_or_default();
     let angles = section.strings("angles", faults).unwrap_or_default();
+    let unwrapped = section.strings("unwrapped", faults).unwrap_or_default();
+    for name in &unwrapped {
+        if !angles.iter().any(|angle| angle.value == name.value) {
+            faults.at(
+                name.offset(),
+                format!(
+                    "{} is none of `angles`: `unwrapped` are those of them that do not wrap",
+                    quoted(name.value)
+                ),
+            );
+        }
+    }
     let formulas = section.strings("constraints", faults).unwrap_or_default();
     let kinetic = section.needed_string("kinetic", faults);
     let potential = section.needed_string("potential", faults);
@@ -384,7 +397,10 @@ fn from_text(
         });
     }
     let equations = lagrangian.constraints().clone();
-    let names = lagrangian.coordinates().to_vec();
+    let mut names = lagrangian.coordinates().to_vec();
+    for coordinate in &mut names {
+        coordinate.wraps &= !unwrapped.iter().any(|name| name.value == coordinate.name);
+    }
     let free = match Dynamics::new(lagrangian, names) {
         Ok(free) => free,
         Err(e) => {

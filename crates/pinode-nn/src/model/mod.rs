@@ -5,7 +5,7 @@
 //!
 //! [lagrangian]                         # or: urdf = "pendulum.urdf"
 //! coordinates = ["phi"]
-//! angles      = ["phi"]
+//! angles      = ["phi"]          # these wrap, but for those in `unwrapped = ["…"]`: joints with ends
 //! kinetic     = "0.5*m*l^2*phi_dot^2"
 //! potential   = "-m*g*l*cos(phi)"
 //! # constraints = ["x^2 + z^2 = l^2"]  # holonomic, in coordinates and parameters: φ, meant as φ = 0, or an equation

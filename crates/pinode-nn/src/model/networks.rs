@@ -93,6 +93,14 @@ impl Model {
         (0..count).map(member).collect()
     }
 
+    /// The files that it was read from: its own, its URDF and the weights of its networks.
+    pub(crate) fn files(&self) -> Vec<&Path> {
+        let urdf = self.urdf.iter().map(|urdf| urdf.path.as_path());
+        let weights = self.networks.iter().map(|entry| entry.path.as_path());
+        let own = std::iter::once(self.path.as_path());
+        own.chain(urdf).chain(weights).collect()
+    }
+
     /// Whether a network of it is an ensemble.
     pub fn has_ensemble(&self) -> bool {
         self.networks.iter().any(|entry| entry.share != 1.0)
@@ -175,7 +183,7 @@ fn read_one(
         faults.at(
             file.offset(),
             format!(
-                "{} and {} are no ensemble: one stands for all of Q on its joints and the other does not",
+                "{} and {} are no ensemble: the inputs act through the one alone and not through the other",
                 quoted(&first.weights),
                 quoted(file.value)
             ),

@@ -7,7 +7,7 @@ use toml_edit::{ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike,
 
 use super::{EffectEntry, Model, Target, networks};
 use crate::Error;
-use crate::disk::{copy_beside, write_atomically};
+use crate::disk::Together;
 use crate::effect::{LeftOut, ParameterSpec};
 
 /// New numbers and effects for a [`Model`].
@@ -58,7 +58,7 @@ impl Model {
     /// Writes the model with `revision` applied to `dir/file_name`, and its URDF beside it; returns the path of the model.
     ///
     /// Numbers that did not change stay as they are written. The URDF keeps its name; where another file has it already, part of
-    /// the URDF's hash is added. Each file is written whole or not at all. `dir` is made where it is missing.
+    /// the URDF's hash is added. All files are written or none. `dir` is made where it is missing.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::OverwritesInput`], [`Error::Revision`] when a list has the wrong length, [`Error::Problems`] when a
@@ -69,9 +69,24 @@ impl Model {
         file_name: &str,
         revision: &Revision,
     ) -> Result<PathBuf, Error> {
+        let mut files = Together::new(dir);
+        let path = self.stage_revision(&mut files, file_name, revision)?;
+        files.commit()?;
+        Ok(path)
+    }
+
+    /// Puts what [`write_revision`](Self::write_revision) writes among `files`, the model last.
+    ///
+    /// # Errors
+    /// As there.
+    pub(crate) fn stage_revision(
+        &self,
+        files: &mut Together<'_>,
+        file_name: &str,
+        revision: &Revision,
+    ) -> Result<PathBuf, Error> {
         self.check(revision)?;
-        let path = dir.join(file_name);
-        std::fs::create_dir_all(dir).map_err(|e| Error::io(dir, e))?;
+        let path = files.dir().join(file_name);
         if let (Ok(new), Ok(old)) = (path.canonicalize(), self.path.canonicalize())
             && new == old
         {
@@ -84,20 +99,24 @@ impl Model {
             })
         })?;
         if let Some(urdf) = &self.urdf {
-            let name = copy_beside(&urdf.path, urdf.text.as_bytes(), dir)?;
+            let name = files.put_beside(&urdf.path, urdf.text.as_bytes())?;
             set(document.as_table_mut(), "urdf", Value::from(name));
         }
-        self.copy_weights(&mut document, dir)?;
+        self.copy_weights(&mut document, files)?;
         self.revise(&mut document, revision);
         if let Some(network) = &revision.network {
             add_network(&mut document, network);
         }
-        write_atomically(&path, document.to_string().as_bytes())?;
+        files.put(file_name, document.to_string().as_bytes())?;
         Ok(path)
     }
 
-    /// Puts the weights of the networks into `dir`.
-    fn copy_weights(&self, document: &mut DocumentMut, dir: &Path) -> Result<(), Error> {
+    /// Puts the weights of the networks among `files`.
+    fn copy_weights(
+        &self,
+        document: &mut DocumentMut,
+        files: &mut Together<'_>,
+    ) -> Result<(), Error> {
         if self.networks.is_empty() {
             return Ok(());
         }
@@ -112,7 +131,7 @@ impl Model {
             for network in networks {
                 let bytes =
                     std::fs::read(&network.path).map_err(|e| Error::io(&network.path, e))?;
-                names.push(copy_beside(&network.path, &bytes, dir)?);
+                names.push(files.put_beside(&network.path, &bytes)?);
             }
             set(table, "weights", one_or_list(names));
         }

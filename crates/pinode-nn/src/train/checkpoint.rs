@@ -77,23 +77,26 @@ impl<T: Real> Session<'_, T> {
     /// Goes on from what [`save`](Self::save) has written.
     ///
     /// # Errors
-    /// [`Error::Io`]; [`Error::Checkpoint`] when the file is none, or that of another training.
+    /// [`Error::Io`]; [`Error::Checkpoint`] when the file is none, damaged, or that of another training.
     pub(super) fn restore(&mut self, path: &Path, fingerprint: &str) -> Result<(), Error> {
         let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
         let fault = |what: String| Error::Checkpoint {
             path: path.to_owned(),
             what,
         };
-        let broken = |e: safetensors::SafeTensorError| fault(format!("it cannot be read ({e})"));
+        let broken = |e: safetensors::SafeTensorError| fault(format!("is damaged ({e})"));
         let (_, metadata) = SafeTensors::read_metadata(&bytes).map_err(broken)?;
         let tensors = SafeTensors::deserialize(&bytes).map_err(broken)?;
         let text = metadata.metadata().as_ref().and_then(|all| all.get(KEY));
         let words: Words = text
             .and_then(|text| serde_json::from_str(text).ok())
-            .ok_or_else(|| fault("it has no words of a training".to_owned()))?;
+            .ok_or_else(|| {
+                fault("has no words of a training: it is damaged, or another version of the program wrote it".to_owned())
+            })?;
         if words.fingerprint != fingerprint {
             return Err(fault(
-                "its model, its logs or its options are not these".to_owned(),
+                "is of another training: its model, its logs or its options are not these"
+                    .to_owned(),
             ));
         }
         let numbers = |name: &str, expected: usize| -> Result<Vec<f64>, Error> {
@@ -101,11 +104,15 @@ impl<T: Real> Session<'_, T> {
             let (whole, _) = tensor.data().as_chunks::<8>();
             if whole.len() != expected {
                 return Err(fault(format!(
-                    "`{name}` has {} numbers, not {expected}",
+                    "is damaged: `{name}` has {} numbers, not {expected}",
                     whole.len()
                 )));
             }
-            Ok(whole.iter().map(|b| f64::from_le_bytes(*b)).collect())
+            let numbers = whole.iter().map(|b| f64::from_le_bytes(*b));
+            match numbers.clone().find(|x| !x.is_finite()) {
+                None => Ok(numbers.collect()),
+                Some(x) => Err(fault(format!("is damaged: a number of `{name}` is {x}"))),
+            }
         };
         let n = self.adam.mean.len();
         let of = |name: &str| -> Result<Vec<T>, Error> {

@@ -6,11 +6,13 @@ use lagrange::Coordinate;
 
 use super::adjoint::Member;
 use super::loss::{FAR, Loss, Target};
+use super::windows::{RunName, border, one_interval, run_names};
 use super::{Options, Start};
 use crate::Error;
 use crate::diagnose::audit::{Masked, audit};
 use crate::diagnose::smooth::{Smoothed, smooth};
 use crate::entries::{refuse_poses, starts};
+use crate::evaluate::typical_interval;
 use crate::hybrid::{ConstantId, DrivenInputs, Hybrid};
 use crate::learnt::{Feature, Output, Quantity};
 use crate::log::Log;
@@ -25,10 +27,8 @@ const SMOOTHING: f64 = 0.06;
 const LARGEST: f64 = 0.005;
 /// Windows that are learnt from begin so many times a window.
 pub(super) const OVERLAP: usize = 4;
-/// The last of so many parts of a recording is held out.
-const HELD_OUT: usize = 8;
-/// No window spans an interval of more than so many usual ones.
-const LONG_GAP: f64 = 3.0;
+/// More integration steps between two samples are refused.
+const MOST_SUBSTEPS: f64 = 1000.0;
 /// The network can give so much more than the largest force that the data ask for.
 const RESERVE: f64 = 1.5;
 
@@ -46,8 +46,14 @@ pub(crate) struct Recordings {
     /// One a recording.
     pub inputs: Vec<DrivenInputs>,
     /// Recordings from this one on are held out.
-    fit_runs: usize,
-    masked: Masked,
+    pub(super) fit_runs: usize,
+    /// The typical time between samples, s.
+    pub interval: f64,
+    /// That of each; no number where it has one sample.
+    pub(super) intervals: Vec<f64>,
+    /// The recordings that have no window, and why.
+    pub left_out: Vec<String>,
+    pub(super) masked: Masked,
     targets: Vec<Target>,
     smoothed: Vec<Smoothed>,
     /// Those that are learnt from, and those that tell when to stop.
@@ -74,6 +80,8 @@ impl Recordings {
     ) -> Result<Self, Error> {
         let coordinates = model.mechanics.coordinates();
         refuse_poses(coordinates, WORK)?;
+        let mut all = logs.iter().chain(held_out);
+        all.try_for_each(|log| log.check(model))?;
         let hybrid = Hybrid::explicit(model);
         if hybrid.nh() > 0 {
             return Err(Error::NotTrainable {
@@ -95,10 +103,23 @@ impl Recordings {
             .iter()
             .map(|run| smooth(run, &wraps, SMOOTHING))
             .collect();
-        let interval = typical_interval(&observations);
+        let names: Vec<RunName> = run_names(logs, held_out).collect();
+        let intervals: Vec<f64> = (observations.runs.iter())
+            .map(|run| typical_interval(&run.t).unwrap_or(f64::NAN))
+            .collect();
+        let interval = one_interval(&names, &intervals)?;
         let substeps = (interval / options.longest_step * (1.0 - 1e-9))
             .ceil()
-            .max(1.0) as usize;
+            .max(1.0);
+        if substeps > MOST_SUBSTEPS {
+            return Err(Error::Training(format!(
+                "a longest step of {:e} s takes {substeps:e} steps in a sample interval of {interval:.6} s: {MOST_SUBSTEPS} are taken at \
+                 most; give a longer --step, {:.3e} s at least",
+                options.longest_step,
+                1.001 * interval / MOST_SUBSTEPS
+            )));
+        }
+        let substeps = substeps as usize;
         let mut recordings = Recordings {
             loss: loss(&hybrid, &observations, options),
             targets: targets(
@@ -114,6 +135,9 @@ impl Recordings {
             theta,
             smoothed,
             fit_runs,
+            interval,
+            intervals,
+            left_out: Vec::new(),
             masked: audited.masked,
             substeps,
             horizon: (options.horizon / interval).round().max(1.0) as usize,
@@ -125,11 +149,23 @@ impl Recordings {
         let horizon = recordings.horizon;
         [recordings.seen.windows, _] = recordings.cut(horizon, horizon.div_ceil(OVERLAP));
         [_, recordings.held_out.windows] = recordings.cut(horizon, horizon);
-        if recordings.seen.windows.is_empty() || recordings.held_out.windows.is_empty() {
-            return Err(Error::NoWindow {
-                horizon: interval * recordings.horizon as f64,
-            });
+        if recordings.held_out.windows.is_empty() && held_out.is_empty() {
+            // One may fit that does not begin on the grid of those that are learnt from.
+            [_, recordings.held_out.windows] = recordings.cut_from(horizon, horizon, border);
         }
+        let horizon = interval * recordings.horizon as f64;
+        if recordings.seen.windows.is_empty() {
+            return Err(Error::NoWindow { horizon });
+        }
+        if recordings.held_out.windows.is_empty() {
+            let part = match held_out.is_empty() {
+                true => "the last eighth of each recording, which is held out",
+                false => "the logs that are held out",
+            };
+            return Err(Error::NoWindowHeldOut { horizon, part });
+        }
+        recordings.left_out = recordings.without_window(&names);
+        recordings.check_room(options)?;
         recordings.seen.starts = recordings.measured(&recordings.seen.windows, options);
         recordings.held_out.starts = recordings.measured(&recordings.held_out.windows, options);
         if options.physics {
@@ -156,42 +192,6 @@ impl Recordings {
                 .drive(&run.t, &run.u, self.substeps, theta, free)
         };
         self.inputs = runs.iter().map(drive).collect();
-    }
-
-    /// Windows of `horizon` sample intervals, each `stride` after the one before: those that are learnt from, and those held out.
-    pub(super) fn cut(&self, horizon: usize, stride: usize) -> [Vec<Window>; 2] {
-        let given = self.fit_runs < self.observations.runs.len();
-        let typical = typical_interval(&self.observations);
-        let mut sides = [Vec::new(), Vec::new()];
-        for (run, observed) in self.observations.runs.iter().enumerate() {
-            let t = &observed.t;
-            let border = t.len() - t.len() / HELD_OUT;
-            let mut first = 0;
-            while first + horizon < t.len() {
-                let last = first + horizon;
-                let gap = (first..last).find(|&k| t[k + 1] - t[k] > LONG_GAP * typical);
-                if let Some(k) = gap {
-                    first = k + 1;
-                    continue;
-                }
-                let window = Window {
-                    run,
-                    first,
-                    count: horizon + 1,
-                };
-                // A window that straddles the border belongs to neither side.
-                let side = match given {
-                    true => Some(usize::from(run >= self.fit_runs)),
-                    false if first >= border => Some(1),
-                    false => (last < border).then_some(0),
-                };
-                if let Some(side) = side {
-                    sides[side].push(window);
-                }
-                first += stride;
-            }
-        }
-        sides.map(|windows| self.masked.leave(windows, &self.observations))
     }
 
     /// The states at the beginning of windows: measured, or smoothed.
@@ -436,16 +436,4 @@ fn targets(
             }
         })
         .collect()
-}
-
-/// The median time between samples, s.
-fn typical_interval(observations: &Observations) -> f64 {
-    let pairs = |t: &[f64]| t.windows(2).map(|p| p[1] - p[0]).collect::<Vec<_>>();
-    let mut intervals: Vec<f64> = observations
-        .runs
-        .iter()
-        .flat_map(|run| pairs(&run.t))
-        .collect();
-    intervals.sort_by(f64::total_cmp);
-    intervals.get(intervals.len() / 2).copied().unwrap_or(1.0)
 }

@@ -22,16 +22,20 @@
 
 mod adam;
 mod adjoint;
+mod baseline;
 mod checkpoint;
 mod data;
 mod loss;
 mod options;
 mod physics;
 mod session;
+#[cfg(test)]
+mod session_tests;
 mod starts;
 mod tangents;
 #[cfg(test)]
 mod tests;
+mod windows;
 
 use std::path::{Path, PathBuf};
 
@@ -40,20 +44,25 @@ use rand_chacha::ChaCha8Rng;
 
 use adjoint::Learner;
 use data::{Recordings, usual_quantities};
+use options::{check, check_size};
 
+pub use baseline::{Fitted, fit_physics};
 pub use options::{Options, Start};
 pub use session::{Epoch, Session};
 
 use crate::Error;
+use crate::disk::{Together, refuse_overwriting};
 use crate::hybrid::{ConstantId, Hybrid};
 use crate::learnt::law::Law;
-use crate::learnt::{Card, LearntForce, Names, Quantity, weights};
+use crate::learnt::{Card, LearntForce, Names, weights};
 use crate::log::Log;
 use crate::model::{Model, NewNetwork, Revision};
 use crate::network::{Activation, Mlp, Real, Shape};
 
 /// The name of the weights beside the model that uses them.
 pub const WEIGHTS: &str = "network.safetensors";
+/// The name of the model itself.
+pub const MODEL: &str = "model.toml";
 /// A network that corrects a model begins with this part of the usual weights in its last layer: near no force at all.
 const FIRST_OUTPUT: f64 = 0.1;
 
@@ -96,13 +105,15 @@ pub struct Trained {
     pub without_network: Option<f64>,
     /// Whether it was computed in 32 bits.
     pub single: bool,
+    /// What should be known of it: recordings that were not used, and whether the model is better without it.
+    pub warnings: Vec<String>,
 }
 
 /// Trains a network; `each` hears of every epoch and ends the training by an error.
 ///
 /// # Errors
-/// [`Error::Training`] when the options fit no model, [`Error::NotTrainable`], [`Error::Floating`], [`Error::NoWindow`] when the recordings are too
-/// short, [`Error::Unfittable`] when most roll-outs diverge, [`Error::Checkpoint`], and those of `each`.
+/// [`Error::Training`] when the options fit no model, [`Error::NotTrainable`], [`Error::Floating`], [`Error::NoWindow`] and [`Error::NoWindowHeldOut`] when the
+/// recordings are too short, [`Error::Unfittable`] when most roll-outs diverge, [`Error::Checkpoint`], and those of `each`.
 pub fn train(
     training: &Training<'_>,
     options: &Options,
@@ -154,16 +165,17 @@ impl<'a, T: Real> Session<'a, T> {
     pub fn new(training: &Training<'_>, options: &'a Options) -> Result<Self, Error> {
         check(training.model, options)?;
         let model = training.model;
-        let recordings = Recordings::new(model, training.logs, training.held_out, options)?;
         let quantities = match options.quantities.is_empty() {
             true => usual_quantities(model.mechanics.coordinates(), model.inputs.len()),
             false => options.quantities.clone(),
         };
+        let mut sizes = vec![quantities.len()];
+        sizes.extend(&options.units);
+        sizes.push(options.joints.len());
+        check_size(&sizes)?;
+        let recordings = Recordings::new(model, training.logs, training.held_out, options)?;
         let features = recordings.features(&quantities);
         let outputs = recordings.outputs(&options.joints);
-        let mut sizes = vec![features.len()];
-        sizes.extend(&options.units);
-        sizes.push(outputs.len());
         let shape = Shape::new(&sizes, options.hidden, Activation::Tanh)
             .map_err(|e| Error::Training(e.to_string()))?;
         let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
@@ -182,79 +194,6 @@ impl<'a, T: Real> Session<'a, T> {
         };
         Ok(Session::of(recordings, options, learner))
     }
-}
-
-/// What is not all right with the options.
-fn check(model: &Model, options: &Options) -> Result<(), Error> {
-    let coordinates = model.mechanics.coordinates();
-    let fault = |what: String| Err(Error::Training(what));
-    if options.joints.is_empty() {
-        return fault(
-            "no joint is given for the network to act on: name one by --joint".to_owned(),
-        );
-    }
-    for (k, &joint) in options.joints.iter().enumerate() {
-        let Some(coordinate) = coordinates.get(joint) else {
-            return fault(format!(
-                "there is no coordinate {joint}: the model has {}",
-                coordinates.len()
-            ));
-        };
-        let name = &coordinate.name;
-        if options.joints[..k].contains(&joint) {
-            return fault(format!("the joint `{name}` is given twice"));
-        }
-        let taken = model.networks.iter().flat_map(|n| n.force.outputs());
-        if taken.clone().any(|output| output.coordinate == joint) {
-            return fault(format!(
-                "the model has a network on `{name}` already: take its [[effect]] out first"
-            ));
-        }
-    }
-    let known = |quantity: &Quantity| match *quantity {
-        Quantity::Position(c) | Quantity::Cosine(c) | Quantity::Sine(c) | Quantity::Velocity(c) => {
-            c < coordinates.len()
-        }
-        Quantity::Input { input, .. } => input < model.inputs.len(),
-    };
-    if !options.quantities.iter().all(known) {
-        return fault(
-            "the network is to see a coordinate or an input that the model does not have"
-                .to_owned(),
-        );
-    }
-    for (name, value) in [("batch", options.batch), ("epochs", options.epochs)] {
-        if value == 0 {
-            return fault(format!("`{name}` is 0: it must be at least 1"));
-        }
-    }
-    for (name, value) in [
-        ("the learning rate", options.rate),
-        ("the longest step", options.longest_step),
-        (
-            "the length of a window",
-            options.horizon + f64::MIN_POSITIVE,
-        ),
-    ] {
-        if !(value > 0.0 && value.is_finite()) {
-            return fault(format!("{name} is {value}: it must be positive"));
-        }
-    }
-    Ok(())
-}
-
-/// The model without a network, its constants fitted as they are before one is trained: the pure ODE (Roehrl et al. 2020, eq. 13).
-///
-/// # Errors
-/// As [`train`].
-pub fn fit_physics(training: &Training<'_>, options: &Options) -> Result<Revision, Error> {
-    check(training.model, options)?;
-    let recordings = Recordings::new(training.model, training.logs, training.held_out, options)?;
-    Ok(revision(
-        training.model,
-        &recordings.hybrid,
-        &recordings.theta,
-    ))
 }
 
 /// Of all that the weights depend on.
@@ -277,6 +216,18 @@ fn trained<T: Real>(
     without_network: Option<f64>,
 ) -> Result<Trained, Error> {
     let model = training.model;
+    let best_epoch = session.best_epoch();
+    let best = session
+        .history
+        .iter()
+        .find(|epoch| epoch.epoch == best_epoch);
+    let diverged = best.map_or(0, |epoch| epoch.held_out_diverged);
+    if 2 * diverged > session.windows_held_out() {
+        return Err(Error::Unfittable {
+            diverged,
+            windows: session.windows_held_out(),
+        });
+    }
     let force = session.force(&session.best)?;
     let seen = session.recordings.seen_states(force.features());
     let force = force.trained_on(&seen);
@@ -288,14 +239,10 @@ fn trained<T: Real>(
             inputs: &inputs,
         },
     );
+    card.interval = Some(session.recordings.interval);
     let laws: Vec<Law> = (0..force.outputs().len())
         .filter_map(|output| Law::of(&force, output, &seen, model))
         .collect();
-    let best_epoch = session.best_epoch();
-    let best = session
-        .history
-        .iter()
-        .find(|epoch| epoch.epoch == best_epoch);
     let file = |log: &Log| serde_json::json!({ "file": log.path.display().to_string(), "sha256": log.sha256 });
     let words = serde_json::json!({
         "program": concat!("pinode ", env!("CARGO_PKG_VERSION")),
@@ -309,6 +256,8 @@ fn trained<T: Real>(
         "best_epoch": best_epoch,
         "loss": best.map(|epoch| epoch.loss),
         "loss_held_out": best.map(|epoch| epoch.held_out),
+        "windows_held_out": session.windows_held_out(),
+        "windows_held_out_diverged": best.map(|epoch| epoch.held_out_diverged),
         "loss_held_out_without_network": without_network,
         "loss_in": match options.start {
             Start::Measured { .. } => "squares of SI units, from measured states",
@@ -321,6 +270,8 @@ fn trained<T: Real>(
     if let serde_json::Value::Object(words) = words {
         card.training = words;
     }
+    let mut warnings = session.recordings.left_out.clone();
+    warnings.extend(worse_than_none(best, without_network));
     Ok(Trained {
         revision: revision(model, &session.recordings.hybrid, &session.best_theta),
         force,
@@ -330,6 +281,18 @@ fn trained<T: Real>(
         best_epoch,
         without_network,
         single: options.single,
+        warnings,
+    })
+}
+
+/// Said of a network that makes the windows held out worse.
+fn worse_than_none(best: Option<&Epoch>, without_network: Option<f64>) -> Option<String> {
+    let (with, without) = (best?.held_out, without_network?);
+    (with > without).then(|| {
+        format!(
+            "the model is better without this network: held out {with:.4} with it, {without:.4} without; leave it out, or train on more data \
+             or with other options"
+        )
     })
 }
 
@@ -366,8 +329,8 @@ pub fn weights_name(k: usize, members: usize) -> String {
     }
 }
 
-/// Writes the weights of networks that were trained for the same from different beginnings, and `model.toml`, the model with their mean in it, to `dir`;
-/// returns the path of the model. The constants are as fitted beside the first.
+/// Writes the weights of networks that were trained for the same from different beginnings, and `model.toml`, the model with their mean in it, to `dir`, all or
+/// none; returns the path of the model. The constants are as fitted beside the first.
 ///
 /// # Errors
 /// As [`Model::write_revision`]; [`Error::Training`] without a member.
@@ -377,12 +340,17 @@ pub fn write_ensemble(members: &[Trained], model: &Model, dir: &Path) -> Result<
             "an ensemble has no member: train at least one".to_owned(),
         ));
     };
-    std::fs::create_dir_all(dir).map_err(|e| Error::io(dir, e))?;
     let names: Vec<String> = (0..members.len())
         .map(|k| weights_name(k, members.len()))
         .collect();
+    let outputs = names.iter().map(String::as_str).chain([MODEL]);
+    let outputs: Vec<PathBuf> = outputs.map(|name| dir.join(name)).collect();
+    refuse_overwriting(&outputs, &model.files())?;
+    let mut files = Together::new(dir);
     for (member, name) in members.iter().zip(&names) {
-        weights::write(&dir.join(name), &member.force, &member.card, member.single)?;
+        let path = dir.join(name);
+        let bytes = weights::to_bytes(&path, &member.force, &member.card, member.single)?;
+        files.put(name, &bytes)?;
     }
     let what = match members.len() {
         1 => "learnt".to_owned(),
@@ -399,5 +367,7 @@ pub fn write_ensemble(members: &[Trained], model: &Model, dir: &Path) -> Result<
             windows.unwrap_or_default()
         ),
     });
-    model.write_revision(dir, "model.toml", &revision)
+    let path = model.stage_revision(&mut files, MODEL, &revision)?;
+    files.commit()?;
+    Ok(path)
 }

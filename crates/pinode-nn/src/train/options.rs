@@ -1,7 +1,13 @@
 //! What is learnt, and how.
 
+use crate::Error;
 use crate::learnt::Quantity;
+use crate::model::Model;
 use crate::network::Activation;
+
+/// A larger layer is refused, and a larger network.
+const MOST_UNITS: usize = 4096;
+const MOST_PARAMETERS: usize = 10_000_000;
 
 /// How a network is trained.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,7 +20,7 @@ pub struct Options {
     pub units: Vec<usize>,
     /// Their activation.
     pub hidden: Activation,
-    /// Whether it stands for all of Q on its joints, the inputs' forces included, as in the paper.
+    /// Whether the inputs act on its joints through it alone, as in the paper. Effects of the model stay beside it: where there are none, it is all of Q.
     pub alone: bool,
     /// Length of a window, s; at least one sample interval.
     pub horizon: f64,
@@ -93,4 +99,98 @@ impl Options {
             ..Options::new(joints)
         }
     }
+}
+
+/// Whether a network with layers of these sizes can be trained.
+pub(super) fn check_size(sizes: &[usize]) -> Result<(), Error> {
+    let hidden = &sizes[1..sizes.len() - 1];
+    if let Some(units) = hidden.iter().find(|units| **units > MOST_UNITS) {
+        return Err(Error::Training(format!(
+            "a hidden layer of {units} units is too large: {MOST_UNITS} at most, give fewer by --units"
+        )));
+    }
+    // At most MOST_UNITS² a layer, and no list of layers is so long that this overflows.
+    let parameters: usize = sizes.windows(2).map(|pair| (pair[0] + 1) * pair[1]).sum();
+    if parameters > MOST_PARAMETERS {
+        return Err(Error::Training(format!(
+            "a network of {parameters} parameters is too large: {MOST_PARAMETERS} at most, give fewer or smaller layers by --units"
+        )));
+    }
+    Ok(())
+}
+
+/// What is not all right with the options.
+pub(super) fn check(model: &Model, options: &Options) -> Result<(), Error> {
+    let coordinates = model.mechanics.coordinates();
+    let fault = |what: String| Err(Error::Training(what));
+    if options.joints.is_empty() {
+        return fault(
+            "no joint is given for the network to act on: name one by --joint".to_owned(),
+        );
+    }
+    for (k, &joint) in options.joints.iter().enumerate() {
+        let Some(coordinate) = coordinates.get(joint) else {
+            return fault(format!(
+                "there is no coordinate {joint}: the model has {}",
+                coordinates.len()
+            ));
+        };
+        let name = &coordinate.name;
+        if options.joints[..k].contains(&joint) {
+            return fault(format!("the joint `{name}` is given twice"));
+        }
+        let taken = model.networks.iter().flat_map(|n| n.force.outputs());
+        if taken.clone().any(|output| output.coordinate == joint) {
+            return fault(format!(
+                "the model has a network on `{name}` already: take its [[effect]] out first"
+            ));
+        }
+    }
+    let known = |quantity: &Quantity| match *quantity {
+        Quantity::Position(c) | Quantity::Cosine(c) | Quantity::Sine(c) | Quantity::Velocity(c) => {
+            c < coordinates.len()
+        }
+        Quantity::Input { input, .. } => input < model.inputs.len(),
+    };
+    if !options.quantities.iter().all(known) {
+        return fault(
+            "the network is to see a coordinate or an input that the model does not have"
+                .to_owned(),
+        );
+    }
+    for quantity in &options.quantities {
+        if let Quantity::Position(c) = *quantity
+            && let Some(coordinate) = coordinates.get(c).filter(|c| c.wraps)
+        {
+            let name = &coordinate.name;
+            return fault(format!(
+                "the network is to see q.{name}, an angle that wraps: the same angle has many readings, and they jump; let it see \
+                 cos(q.{name}) and sin(q.{name})"
+            ));
+        }
+    }
+    check_numbers(options)
+}
+
+/// What is not all right with the numbers among them.
+pub(super) fn check_numbers(options: &Options) -> Result<(), Error> {
+    let fault = |what: String| Err(Error::Training(what));
+    for (name, value) in [("batch", options.batch), ("epochs", options.epochs)] {
+        if value == 0 {
+            return fault(format!("`{name}` is 0: it must be at least 1"));
+        }
+    }
+    for (name, value) in [
+        ("the learning rate", options.rate),
+        ("the longest step", options.longest_step),
+        (
+            "the length of a window",
+            options.horizon + f64::MIN_POSITIVE,
+        ),
+    ] {
+        if !(value > 0.0 && value.is_finite()) {
+            return fault(format!("{name} is {value}: it must be positive"));
+        }
+    }
+    Ok(())
 }

@@ -24,6 +24,9 @@ const STARTS_OF_HELD_OUT: usize = 2;
 const LAST_RATE: f64 = 0.01;
 /// κ of the loss at most.
 const FARTHEST: f64 = 1e100;
+/// A window held out that leaves the range of mechanisms counts as if the squares at each of its samples summed up to this: a million deviations of
+/// the noise, or of SI units. Left out, it would be as good as a perfect one.
+const LOST: f64 = 1e12;
 /// Less gain on the windows held out than this share counts as none.
 const GAIN: f64 = 1e-3;
 
@@ -38,6 +41,8 @@ pub struct Epoch {
     pub held_out: f64,
     /// Windows that left the range of any mechanism.
     pub diverged: usize,
+    /// Windows held out that did: each counts as one a million deviations of the noise away.
+    pub held_out_diverged: usize,
     /// Adam's step.
     pub rate: f64,
 }
@@ -62,8 +67,11 @@ impl<'a, T: Real> Session<'a, T> {
         let steps = recordings.horizon * recordings.substeps;
         let chunks = {
             let setting = setting(&recordings);
-            (0..options.batch.div_ceil(CHUNK))
-                .map(|_| Chunk::new(&setting, &learner, options.batch, steps))
+            let windows = recordings.seen.windows.len();
+            let windows = windows.max(recordings.held_out.windows.len());
+            let most = options.batch.min(windows);
+            (0..most.div_ceil(CHUNK))
+                .map(|_| Chunk::new(&setting, &learner, most, steps))
                 .collect()
         };
         Session {
@@ -82,6 +90,11 @@ impl<'a, T: Real> Session<'a, T> {
     /// Number of windows that are learnt from.
     pub fn windows(&self) -> usize {
         self.recordings.seen.windows.len()
+    }
+
+    /// Number of windows held out.
+    pub fn windows_held_out(&self) -> usize {
+        self.recordings.held_out.windows.len()
     }
 
     /// The network as it is now.
@@ -106,7 +119,7 @@ impl<'a, T: Real> Session<'a, T> {
     /// Whether all epochs are over, or enough of them have brought nothing.
     pub fn is_over(&self) -> bool {
         let done = self.history.len();
-        done >= self.options.epochs || done >= self.best_epoch() + self.options.patience.max(1)
+        done >= self.options.epochs || done - self.best_epoch() >= self.options.patience.max(1)
     }
 
     /// Learns from all windows once, in an order of this epoch's.
@@ -140,7 +153,7 @@ impl<'a, T: Real> Session<'a, T> {
         let (mut loss, mut diverged) = (0.0, 0);
         for (k, batch) in order.chunks(self.options.batch).enumerate() {
             let progress =
-                ((number - 1) * batches + k) as f64 / (self.options.epochs * batches) as f64;
+                ((number - 1) * batches + k) as f64 / (self.options.epochs as f64 * batches as f64);
             let (sum, lost) = self.step(batch, self.rate(progress))?;
             loss += sum;
             diverged += lost;
@@ -152,12 +165,13 @@ impl<'a, T: Real> Session<'a, T> {
             });
         }
         let loss = self.typical(loss, order.len() - diverged);
-        let (held_out, _) = self.held_out()?;
+        let (held_out, held_out_diverged) = self.held_out()?;
         let epoch = Epoch {
             epoch: number,
             loss,
             held_out,
             diverged,
+            held_out_diverged,
             rate: self.rate(number as f64 / self.options.epochs as f64),
         };
         self.history.push(epoch);
@@ -244,7 +258,24 @@ impl<'a, T: Real> Session<'a, T> {
         Ok((loss, diverged))
     }
 
-    /// The typical loss a sample of the windows held out, those that diverge left out, and how many do; their starts are fitted to this network first.
+    /// The typical loss a sample of the windows that are learnt from, and how many diverge, which are left out.
+    ///
+    /// # Errors
+    /// [`Error::Mechanics`] of a state in the range of mechanisms.
+    pub(super) fn seen(&mut self) -> Result<(f64, usize), Error> {
+        let all: Vec<usize> = (0..self.windows()).collect();
+        let (mut loss, mut diverged) = (0.0, 0);
+        for batch in all.chunks(self.options.batch) {
+            let used = self.in_chunks(Part::Seen, batch, Chunk::roll)?;
+            for chunk in &self.chunks[..used] {
+                loss += chunk.loss;
+                diverged += chunk.diverged;
+            }
+        }
+        Ok((self.typical(loss, all.len() - diverged), diverged))
+    }
+
+    /// The typical loss a sample of the windows held out, and how many diverge: they are far away. Their starts are fitted to this network first.
     ///
     /// # Errors
     /// [`Error::Mechanics`] of a state in the range of mechanisms.
@@ -277,7 +308,10 @@ impl<'a, T: Real> Session<'a, T> {
                 }
             }
         }
-        Ok((self.typical(loss, all.len() - diverged), diverged))
+        let samples = self.terms(1);
+        let (lost, _) = self.recordings.loss.of_window(samples * LOST, samples);
+        loss += diverged as f64 * lost;
+        Ok((self.typical(loss, all.len()), diverged))
     }
 
     /// The same of a network that gives no force.

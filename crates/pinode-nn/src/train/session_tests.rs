@@ -1,0 +1,181 @@
+//! What a session counts, and what it leaves out.
+#![allow(clippy::unwrap_used)]
+
+use std::path::Path;
+
+use super::session::{Epoch, Session};
+use super::{Options, Training, worse_than_none};
+use crate::learnt::Quantity;
+use crate::log::{Channels, Log};
+use crate::model::Model;
+
+const SLEDGE: &str = include_str!("../../tests/data/known_sledge.toml");
+
+fn sledge() -> Model {
+    Model::parse("sledge.toml".as_ref(), SLEDGE.to_owned()).unwrap()
+}
+
+/// A log of 2 kg under a push that goes to and fro, without noise.
+fn log(name: &str, interval: f64, duration: f64, model: &Model) -> Log {
+    let mut text = "t,q.x,u.push\n".to_owned();
+    for k in 0..(duration / interval) as usize {
+        let t = interval * k as f64;
+        // x = sin t: 2 ẍ = −2 sin t, held from sample to sample.
+        text += &format!("{t},{},{}\n", t.sin(), -2.0 * (t + 0.5 * interval).sin());
+    }
+    let channels = Channels {
+        coordinates: model.mechanics.coordinates(),
+        velocities: &[false],
+        inputs: &["push"],
+        columns: &model.columns,
+    };
+    Log::parse(Path::new(name), text.as_bytes(), &channels).unwrap()
+}
+
+fn options() -> Options {
+    Options {
+        units: vec![8],
+        single: false,
+        ..Options::new(vec![0])
+    }
+}
+
+/// Windows held out that diverged were left out of the loss: a network that lost them all had none.
+#[test]
+fn windows_held_out_that_diverge_count_as_far_away() {
+    let model = sledge();
+    let logs = [log("log.csv", 0.02, 40.0, &model)];
+    let training = Training {
+        model: &model,
+        logs: &logs,
+        held_out: &[],
+    };
+    let options = options();
+    let mut session = Session::<f64>::new(&training, &options).unwrap();
+    let (near, none) = session.held_out().unwrap();
+    assert_eq!(none, 0);
+    session.learner.outputs[0].scale = 1e12;
+    let (far, all) = session.held_out().unwrap();
+    assert_eq!(all, session.windows_held_out());
+    assert!(
+        (far / 1e12 - 1.0).abs() < 1e-6 && near < 1e6,
+        "{far} {near}"
+    );
+}
+
+/// Of a log of 50 Hz and one of 10 Hz every interval of the slow one counted as a gap: it was not used, and nobody heard of it.
+#[test]
+fn logs_of_different_rates_are_refused_by_their_names_and_intervals() {
+    let model = sledge();
+    let [fast, slow] = [("fast.csv", 0.02), ("slow.csv", 0.1)]
+        .map(|(name, interval)| log(name, interval, 40.0, &model));
+    let refusal = |logs: &[Log], held_out: &[Log]| {
+        let training = Training {
+            model: &model,
+            logs,
+            held_out,
+        };
+        let refused = Session::<f64>::new(&training, &options()).err();
+        refused.map_or(String::new(), |e| e.to_string())
+    };
+    let both = [fast.clone(), slow.clone()];
+    for words in [refusal(&both, &[]), refusal(&both[..1], &both[1..])] {
+        assert!(
+            words.contains("0.020000 s in run `0` of fast.csv")
+                && words.contains("0.100000 s in run `0` of slow.csv"),
+            "{words}"
+        );
+    }
+    // One of them alone is all right.
+    assert_eq!(refusal(&[slow], &[]), "");
+}
+
+#[test]
+fn a_recording_without_a_window_is_named() {
+    let model = sledge();
+    let [long, mut short] = [("long.csv", 20.0), ("short.csv", 0.3)]
+        .map(|(name, duration)| log(name, 0.02, duration, &model));
+    short.runs[0].id = "hop".to_owned();
+    let logs = [long, short];
+    let training = Training {
+        model: &model,
+        logs: &logs,
+        held_out: &[],
+    };
+    let options = options();
+    let session = Session::<f64>::new(&training, &options).unwrap();
+    let [warning] = session.recordings.left_out.as_slice() else {
+        panic!("one recording is left out")
+    };
+    assert!(
+        warning.contains("run `hop` of short.csv is not used"),
+        "{warning}"
+    );
+}
+
+#[test]
+fn what_is_held_out_is_named_where_it_is_too_short() {
+    let model = sledge();
+    let logs = [log("log.csv", 0.02, 8.0, &model)];
+    let training = Training {
+        model: &model,
+        logs: &logs,
+        held_out: &[],
+    };
+    let refused = |horizon: f64| {
+        let options = Options {
+            horizon,
+            ..options()
+        };
+        let refused = Session::<f64>::new(&training, &options).err();
+        refused.map_or(String::new(), |e| e.to_string())
+    };
+    let words = refused(2.0);
+    assert!(words.contains("fits into the last eighth"), "{words}");
+    // The eighth is 1 s long: none of the windows from the beginning on lies in it, and yet one fits.
+    assert_eq!(refused(0.9), "");
+}
+
+#[test]
+fn an_angle_that_wraps_is_seen_by_its_cosine_and_sine_alone() {
+    let turns = SLEDGE.replace("coordinates", "angles = [\"x\"]\ncoordinates");
+    let model = Model::parse("wheel.toml".as_ref(), turns).unwrap();
+    let logs = [log("log.csv", 0.02, 20.0, &model)];
+    let training = Training {
+        model: &model,
+        logs: &logs,
+        held_out: &[],
+    };
+    let refused = |quantities: &[Quantity]| {
+        let options = Options {
+            quantities: quantities.to_vec(),
+            ..options()
+        };
+        let refused = Session::<f64>::new(&training, &options).err();
+        refused.map_or(String::new(), |e| e.to_string())
+    };
+    let words = refused(&[Quantity::Velocity(0), Quantity::Position(0)]);
+    assert!(
+        words.contains("let it see cos(q.x) and sin(q.x)"),
+        "{words}"
+    );
+    assert_eq!(refused(&[Quantity::Cosine(0), Quantity::Sine(0)]), "");
+}
+
+/// It was written without a word.
+#[test]
+fn a_network_that_is_worse_than_none_is_warned_of() {
+    let epoch = Epoch {
+        epoch: 1,
+        loss: 1.0,
+        held_out: 236_110.0,
+        diverged: 0,
+        held_out_diverged: 0,
+        rate: 1e-3,
+    };
+    let words = worse_than_none(Some(&epoch), Some(3.5)).unwrap();
+    let said = "held out 236110.0000 with it, 3.5000 without";
+    assert!(words.contains(said), "{words}");
+    assert_eq!(worse_than_none(Some(&epoch), None), None);
+    assert_eq!(worse_than_none(Some(&epoch), Some(3e5)), None);
+}
