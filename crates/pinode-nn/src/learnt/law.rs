@@ -5,7 +5,7 @@
 //! - the share of a signal is the adjusted correlation ratio of f over bins of that signal alone;
 //! - its odd share compares o = ½ [f(…, s, …) − f(…, −s, …)] with e = ½ [f(…, s, …) + f(…, −s, …)] where both states were seen:
 //!   Σ o² / Σ [o² + (e − ē)²];
-//! - the formula is f ≈ c₀ + Σ c_i φ_i with φ_i of [`dictionary`], found one after the other by orthogonal least squares (Chen, Billings and
+//! - the formula is f ≈ c₀ + Σ c_i φ_i with φ_i usual laws of what it sees, found one after the other by orthogonal least squares (Chen, Billings and
 //!   Luo 1989): the next is the one that takes most from Σ f² beside those chosen.
 
 use nalgebra::{DMatrix, DVector};
