@@ -23,6 +23,7 @@ fn open_files() -> MutexGuard<'static, usize> {
 }
 
 /// A guard under which no file is begun, where none is half written: a process that ends under it leaves none behind.
+#[cfg(any(test, feature = "cli"))]
 pub(crate) fn nothing_open() -> Option<impl Sized> {
     Some(open_files()).filter(|open| **open == 0)
 }

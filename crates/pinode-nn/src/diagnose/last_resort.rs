@@ -1,7 +1,7 @@
 //! What no effect of the library explains is taught to a small network on that coordinate.
 //!
 //! M(q) v̇ + C(q, v) v + G(q) = Q + s Σ_k a_k tanh(w_kᵀ z + b_k) + s b: the network sees only the signals z that the missing law was seen to follow
-//! (where none was, the joint's position and velocity and what drives it). Its parameters are entries of θ like those of every effect: they are
+//! (where there is no hint of any, the joint's position and velocity and what drives it). Its parameters are entries of θ like those of every effect: they are
 //! fitted with all others over the same windows, each with a prior, and the network is added where it explains the windows better, pair by pair, both
 //! those that the fit saw and those held out, and shrinks the gap of free runs: pushes from outside can be learnt, but say nothing of later ones.
 
@@ -49,20 +49,12 @@ pub struct Resort<'a> {
     pub coordinate: usize,
     /// Root mean square of the force that is left there, N or N·m.
     pub rms: f64,
-    /// What it follows, where windows that were set aside show it.
+    /// What it follows, where windows that were set aside hint at it.
     pub follows: Option<Follows>,
     /// The signals that the force that is left follows most.
     pub signals: Vec<Quantity>,
     /// Of the first parameters.
     pub seed: u64,
-}
-
-/// A network beside what was found.
-struct Fit {
-    fitted: Fitted,
-    comparison: Comparison,
-    /// What it saw, one row a sample.
-    states: Vec<Vec<f64>>,
 }
 
 /// A network that explains what is left.
@@ -92,21 +84,17 @@ impl Resort<'_> {
                 "No network was taught it: the model has one on `{name}` already."
             ));
         }
-        let mut best: Option<Fit> = None;
-        for quantities in self.sights() {
-            let Some(fit) = self.fit(given, quantities) else {
-                continue;
-            };
-            let better = |best: &Fit| fit.comparison.outside_gain > best.comparison.outside_gain;
-            if best.as_ref().is_none_or(better) {
-                best = Some(fit);
-            }
-        }
-        let Fit {
-            fitted,
-            comparison,
-            states,
-        } = best.ok_or("No network was taught it: nothing moves that it could follow.")?;
+        let quantities = self.quantities();
+        let states = self.states(&given.hybrid, &given.inside.theta, &quantities);
+        let force = self
+            .beginning(&quantities, &states)
+            .ok_or("No network was taught it: nothing moves that it could follow.")?;
+        let mut hybrid = given.hybrid.clone();
+        let theta = [&given.inside.theta, force.network().parameters()].concat();
+        hybrid.add_open_network(Arc::new(force), TOLERANCE);
+        let [alone, all] = ITERATIONS;
+        let fitted = self.study.fit(hybrid, given.start(theta), alone, all);
+        let comparison = Comparison::of(&fitted, given);
         if !comparison.explains() {
             return Err(format!(
                 "A small network that was taught it explains windows that it has not seen no better ({} nats a sample, {:.1} standard errors): it is \
@@ -148,25 +136,10 @@ impl Resort<'_> {
         })
     }
 
-    /// A network that sees this, fitted beside `given`; `None` where nothing of it moves.
-    fn fit(&self, given: &Fitted, quantities: Vec<Quantity>) -> Option<Fit> {
-        let states = self.states(&given.hybrid, &given.inside.theta, &quantities);
-        let force = self.beginning(&quantities, &states)?;
-        let mut hybrid = given.hybrid.clone();
-        let theta = [&given.inside.theta, force.network().parameters()].concat();
-        hybrid.add_open_network(Arc::new(force), TOLERANCE);
-        let [alone, all] = ITERATIONS;
-        let fitted = self.study.fit(hybrid, given.start(theta), alone, all);
-        Some(Fit {
-            comparison: Comparison::of(&fitted, given),
-            fitted,
-            states,
-        })
-    }
-
-    /// What networks are to see: one that is known to suffice, or several, the simplest first.
-    fn sights(&self) -> Vec<Vec<Quantity>> {
+    /// What the network sees; angles that wrap by cosine and sine.
+    fn quantities(&self) -> Vec<Quantity> {
         let c = self.coordinate;
+        let coordinates = self.model.mechanics.coordinates();
         let own = |input: &usize| self.model.inputs[*input].coordinate == c;
         let inputs: Vec<usize> = (0..self.model.inputs.len()).filter(own).collect();
         let ago = |back: usize| -> Vec<Quantity> {
@@ -174,35 +147,26 @@ impl Resort<'_> {
             inputs.iter().map(of).collect()
         };
         let (place, speed) = (Quantity::Position(c), Quantity::Velocity(c));
-        let sights = match self.follows {
-            None => vec![
-                vec![speed],
-                vec![place, speed],
-                [vec![place, speed], ago(0)].concat(),
-            ],
-            Some(Follows::Velocity) => vec![vec![speed]],
-            Some(Follows::Position) => vec![vec![place]],
+        let mut sees = match self.follows {
+            None => [vec![place, speed], ago(0)].concat(),
+            Some(Follows::Velocity) => vec![speed],
+            Some(Follows::Position) => vec![place],
             // A network remembers nothing: what it can know of the past of the motion is where that has led.
-            Some(Follows::PositionAndDirection | Follows::PastMotion) => vec![vec![place, speed]],
-            Some(Follows::Input) => vec![ago(0)],
+            Some(Follows::PositionAndDirection | Follows::PastMotion) => vec![place, speed],
+            Some(Follows::Input) => ago(0),
             // Samples ago are those of the log, which may have been thinned.
             Some(Follows::PastInput)
                 if (self.study.interval / self.interval - 1.0).abs() > SAME =>
             {
-                vec![ago(0)]
+                ago(0)
             }
             Some(Follows::PastInput) => {
-                vec![[0].iter().chain(&AGO).flat_map(|&back| ago(back)).collect()]
+                [0].iter().chain(&AGO).flat_map(|&back| ago(back)).collect()
             }
         };
-        sights.iter().map(|sees| self.distinct(sees)).collect()
-    }
-
-    /// With the signals that the force follows most; angles that wrap by cosine and sine, each once.
-    fn distinct(&self, sees: &[Quantity]) -> Vec<Quantity> {
-        let coordinates = self.model.mechanics.coordinates();
+        sees.extend(&self.signals);
         let mut distinct = Vec::new();
-        for &quantity in sees.iter().chain(&self.signals) {
+        for quantity in sees {
             let wraps = |c: usize| coordinates.get(c).is_some_and(|c| c.wraps);
             let parts = match quantity {
                 Quantity::Position(c) if wraps(c) => vec![Quantity::Cosine(c), Quantity::Sine(c)],

@@ -278,7 +278,11 @@ pub(crate) fn diagnose_into(
                 interval,
                 coordinate: c,
                 rms: words.rms,
-                follows: left.map(|left| left.follows),
+                follows: search
+                    .model
+                    .hint(study, true)
+                    .filter(|hint| hint.coordinate == c)
+                    .map(|hint| hint.follows),
                 signals,
                 seed,
             };
