@@ -19,6 +19,18 @@ pub fn number(x: f64) -> String {
     }
 }
 
+/// A number without zeros at its end, for what was set and not measured.
+pub fn short(x: f64) -> String {
+    let number = number(x);
+    match number.contains('.') && !number.contains('×') {
+        true => number
+            .trim_end_matches('0')
+            .trim_end_matches('.')
+            .to_owned(),
+        false => number,
+    }
+}
+
 /// Power of ten of `x` rounded to `digits` decimals of its mantissa; 0 for 0.
 pub fn exponent(x: f64, digits: usize) -> i32 {
     let scientific = format!("{x:.digits$e}");
@@ -69,5 +81,13 @@ mod tests {
         assert_eq!(number(0.0), "0");
         assert_eq!(number(f64::NAN), "–");
         assert_eq!(number(f64::INFINITY), "∞");
+    }
+
+    #[test]
+    fn what_was_set_has_no_zeros_at_its_end() {
+        assert_eq!(
+            (short(0.6), short(2.0), short(200.0)),
+            ("0.6".into(), "2".into(), "200".into())
+        );
     }
 }

@@ -8,7 +8,7 @@ use crate::entries::refuse_poses;
 use crate::free_run::{FreeRun, Initial, LONGEST_STEP, initial_states, longest_step, step_warning};
 use crate::hybrid::{DrivenInputs, Hybrid, Reading};
 use crate::learnt::{Departure, Guard, Tally, other_intervals};
-use crate::log::{Log, Run};
+use crate::log::{Log, Run, typical_interval};
 use crate::model::{Model, Velocity};
 use crate::past::{States, states_by_the_past};
 use crate::shooting::{Trajectory, wrap_angle};
@@ -322,13 +322,6 @@ fn gap_warning(run: &Run) -> Option<String> {
         longest[1] - longest[0],
         longest[0]
     ))
-}
-
-/// The median time between samples, s.
-pub(crate) fn typical_interval(t: &[f64]) -> Option<f64> {
-    let mut intervals: Vec<f64> = t.windows(2).map(|p| p[1] - p[0]).collect();
-    intervals.sort_by(f64::total_cmp);
-    intervals.get(intervals.len() / 2).copied()
 }
 
 /// All positions, and the velocities that every recording has.

@@ -5,10 +5,10 @@
 //! both over a sample interval; this has what is left of that after as many readings as there are.
 
 use crate::diagnose::audit::audit;
-use crate::evaluate::{GAP, Options, typical_interval};
+use crate::evaluate::{GAP, Options};
 use crate::free_run::{FreeRun, Initial, initial_states};
 use crate::hybrid::Hybrid;
-use crate::log::Log;
+use crate::log::{Log, typical_interval};
 use crate::model::Model;
 use crate::shooting::{FitOptions, HiddenPrior, Member, Window, fit, roll_all};
 

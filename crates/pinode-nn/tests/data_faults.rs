@@ -301,23 +301,23 @@ fn what_no_effect_explains_is_described_and_learnt() {
     assert!(law.signals[0].share > 0.8, "{law:?}");
 }
 
-/// Blows that come at any time follow from nothing: a network can learn those that it sees, and knows nothing of the next one.
+/// Gusts that come at any time follow from nothing: a network can learn those that it sees, and knows nothing of the next one.
 #[test]
-fn blows_from_outside_are_not_learnt() {
+fn gusts_from_outside_are_not_learnt() {
     let recording = Recording {
-        unlogged: |t, _| {
-            if (7.3 * t).sin() * (4.1 * t).sin() > 0.93 {
-                9.0
-            } else {
-                0.0
-            }
-        },
+        unlogged: |t, _| 2.0 * (0.9 * t + 3.0 * (0.37 * t).sin()).sin() * (0.21 * t).cos(),
         seconds: 60.0,
         ..Recording::HEALTHY
     };
     let diagnosis = diagnosed(&[recording.rows()]);
-    let learnt = diagnosis.unexplained.and_then(|left| left.learnt);
-    assert_eq!(learnt, None);
+    let left = diagnosis.unexplained.unwrap();
+    assert_eq!(left.learnt, None);
+    // It was tried.
+    let said = left.sentences.join(" ");
+    assert!(
+        said.contains("A small network that was taught it"),
+        "{said}"
+    );
 }
 
 /// Where mass and spring are free, a force of the measured acceleration would explain the noise that it shares with the readings.

@@ -171,6 +171,7 @@ fn sensitivities_of_a_constrained_roll_out_equal_differences() {
         smoothing: default_smoothing(true),
     };
     hybrid.add(placed, &[0.02], false);
+    hybrid.add_open_network(Arc::new(learnt()), f64::INFINITY);
     for constant in hybrid.constants_mut() {
         constant.tolerance = f64::INFINITY;
     }

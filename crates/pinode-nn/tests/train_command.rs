@@ -253,6 +253,27 @@ fn what_networks_are_compared_with_are_models_too() {
     }
 }
 
+/// The sledge is braked by a force that follows its velocity alone.
+#[test]
+fn what_a_network_has_learnt_is_told_and_kept_with_its_weights() {
+    let folder = folder();
+    let folder = folder.path();
+    let more = ["--epochs", "30", "--out", "out", "--json"];
+    let output = pinode(&[TRAIN, &more].concat(), folder);
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let law = &report["network"]["training"]["laws"][0];
+    let signal = &law["signals"][0];
+    assert_eq!((&law["joint"], &law["unit"]), (&"x".into(), &"N".into()));
+    assert_eq!(
+        (&signal["name"], &signal["unit"]),
+        (&"v.x".into(), &"m/s".into())
+    );
+    assert!(signal["share"].as_f64().unwrap() > 0.9, "{law}");
+    assert!(signal["odd_share"].as_f64().unwrap() > 0.9, "{law}");
+    let model = Model::load(&folder.join("out/model.toml")).unwrap();
+    assert_eq!(model.networks[0].card.training["laws"][0], *law);
+}
+
 /// The baseline took them, and did nothing with them.
 #[test]
 fn a_model_alone_takes_no_options_of_a_network() {
@@ -276,6 +297,10 @@ fn what_cannot_be_trained_is_said_before_the_work() {
         (&["--joint", "y"], "unknown joint `y`"),
         (&["--joint", "x", "x"], "given twice"),
         (&["--joint", "x", "--sees", "v.y"], "cannot see `v.y`"),
+        (
+            &["--joint", "x", "--sees", "v.x", "--sees", "v.x"],
+            "to see v.x twice",
+        ),
         (&["--joint", "x", "--units", "0"], "has no unit"),
         (&["--joint", "x", "--horizon", "80"], "no window of 79.99"),
         (&["--joint", "x", "--rate", "0"], "learning rate is 0"),

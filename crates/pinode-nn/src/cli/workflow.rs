@@ -14,7 +14,7 @@ use crate::Error;
 use crate::diagnose::kept::{self, Before, Kept};
 use crate::diagnose::verdict::Diagnosis;
 use crate::diagnose::{Means, diagnose_into};
-use crate::disk::Staged;
+use crate::disk::{Staged, refuse_overwriting};
 use crate::log::Log;
 use crate::model::Model;
 use crate::report;
@@ -57,19 +57,12 @@ pub struct Finished {
 /// # Errors
 /// Those of [`diagnose`](crate::diagnose::diagnose); [`Error::OverwritesInput`], [`Error::Io`].
 pub fn run(task: &Task, output: &Output) -> Result<Finished, Error> {
-    let model = task.out.join("model.toml");
     // Said before the work, not after it.
-    if let (Ok(new), Ok(old)) = (model.canonicalize(), task.model.path.canonicalize())
-        && new == old
-    {
-        return Err(Error::OverwritesInput { path: model });
-    }
-    for name in OWN_FILES {
-        let path = task.out.join(name);
-        if path.is_dir() {
-            return Err(Error::io(&path, std::io::ErrorKind::IsADirectory.into()));
-        }
-    }
+    let outputs = OWN_FILES.map(|name| task.out.join(name));
+    let logs = task.logs.iter().chain(task.held_out);
+    let mut inputs = task.model.files();
+    inputs.extend(logs.map(|log| log.path.as_path()));
+    refuse_overwriting(&outputs, &inputs)?;
     let folder = Folder::make(task.out)?;
     let finished = work(task, output);
     // Finished or failed: there is nothing to go on with. Where it cannot be removed, the next diagnosis empties it.

@@ -19,6 +19,7 @@ use crate::entries::starts;
 use crate::hybrid::Hybrid;
 use crate::learnt::law::Law;
 use crate::learnt::{Card, Feature, LearntForce, Names, Output, Quantity};
+use crate::log::same_rate;
 use crate::model::{Model, NewNetwork};
 use crate::network::{Activation, Mlp, Shape};
 
@@ -34,8 +35,6 @@ const TOLERANCE: f64 = 3.0;
 const ITERATIONS: [usize; 2] = [0, 30];
 /// What an input was so many samples ago.
 const AGO: [usize; 5] = [1, 2, 3, 5, 8];
-/// Two intervals that differ by less are the same.
-const SAME: f64 = 0.01;
 
 /// What is left, and what is known of it.
 pub struct Resort<'a> {
@@ -123,7 +122,7 @@ impl Resort<'_> {
             "seed": self.seed,
             "windows": self.study.windows.fit.len(),
             "gain_per_sample_held_out": comparison.outside_gain,
-            "law": law,
+            "laws": law.as_slice(),
         });
         if let serde_json::Value::Object(words) = words {
             card.training = words;
@@ -155,11 +154,7 @@ impl Resort<'_> {
             Some(Follows::PositionAndDirection | Follows::PastMotion) => vec![place, speed],
             Some(Follows::Input) => ago(0),
             // Samples ago are those of the log, which may have been thinned.
-            Some(Follows::PastInput)
-                if (self.study.interval / self.interval - 1.0).abs() > SAME =>
-            {
-                ago(0)
-            }
+            Some(Follows::PastInput) if !same_rate(self.study.interval, self.interval) => ago(0),
             Some(Follows::PastInput) => {
                 [0].iter().chain(&AGO).flat_map(|&back| ago(back)).collect()
             }
@@ -210,7 +205,7 @@ impl Resort<'_> {
         let features: Vec<Feature> = quantities
             .iter()
             .enumerate()
-            .map(|(k, &quantity)| feature(quantity, states.iter().map(|x| x[k])))
+            .map(|(k, &quantity)| Feature::scaled(quantity, states.iter().map(|x| x[k])))
             .collect();
         let moving: Vec<usize> = (0..features.len())
             .filter(|&k| features[k].range[1] > features[k].range[0])
@@ -246,27 +241,6 @@ impl Resort<'_> {
             scale: self.rms,
         };
         LearntForce::new(network, features, vec![output], false).ok()
-    }
-}
-
-/// Mean and deviation of what a network sees.
-fn feature(quantity: Quantity, values: impl Iterator<Item = f64>) -> Feature {
-    let (mut n, mut sum, mut squares) = (0.0, 0.0, 0.0);
-    let mut range = [f64::INFINITY, f64::NEG_INFINITY];
-    for x in values {
-        n += 1.0;
-        sum += x;
-        squares += x * x;
-        range = [range[0].min(x), range[1].max(x)];
-    }
-    let mean = sum / f64::max(n, 1.0);
-    let deviation = (squares / f64::max(n, 1.0) - mean * mean).max(0.0).sqrt();
-    let moves = deviation > 1e-9 * mean.abs();
-    Feature {
-        quantity,
-        offset: mean,
-        width: if moves { deviation } else { 1.0 },
-        range,
     }
 }
 

@@ -9,8 +9,8 @@
 //!    pushes that nobody measured.
 //! 5. Dry friction is fitted once more, as sharp as the data see it.
 //! 6. The new model is written, read back, and run free over held-out data. What does not shrink the gap there is not added.
-//! 7. What no effect explains but follows from something is taught to a small network on that coordinate, which is described and, where it shrinks the
-//!    gap, added.
+//! 7. What is left and no effect explains is taught to a small network on that coordinate, which is described and added where it explains windows that it
+//!    has not seen and shrinks the gap.
 
 mod advise;
 pub(crate) mod audit;

@@ -3,7 +3,7 @@
 use lagrange::Coordinate;
 
 use super::{Feature, Quantity};
-use crate::digits::{exponent, number};
+use crate::digits::{exponent, short};
 
 /// Shares of the fastest speed over which a sign change is spread.
 const SHARPNESS: [f64; 4] = [0.003, 0.01, 0.03, 0.1];
@@ -12,11 +12,11 @@ const SHARPNESS: [f64; 4] = [0.003, 0.01, 0.03, 0.1];
 pub struct Function {
     /// `v.slider·|v.slider|`.
     pub name: String,
-    factors: Vec<(usize, Law)>,
+    factors: Vec<(usize, Curve)>,
 }
 
 #[derive(Clone, Copy)]
-enum Law {
+enum Curve {
     Power(i32),
     /// s |s|
     Square,
@@ -27,15 +27,24 @@ enum Law {
     Sign(f64),
 }
 
-impl Law {
+/// What friction, drag and drives make of a velocity or an input.
+const OF_A_FLOW: [Curve; 5] = [
+    Curve::Power(1),
+    Curve::Power(2),
+    Curve::Power(3),
+    Curve::Square,
+    Curve::Size,
+];
+
+impl Curve {
     fn value(self, s: f64) -> f64 {
         match self {
-            Law::Power(n) => s.powi(n),
-            Law::Square => s * s.abs(),
-            Law::Size => s.abs(),
-            Law::Sine(k) => (k * s).sin(),
-            Law::Cosine(k) => (k * s).cos(),
-            Law::Sign(width) => (s / width).tanh(),
+            Curve::Power(n) => s.powi(n),
+            Curve::Square => s * s.abs(),
+            Curve::Size => s.abs(),
+            Curve::Sine(k) => (k * s).sin(),
+            Curve::Cosine(k) => (k * s).cos(),
+            Curve::Sign(width) => (s / width).tanh(),
         }
     }
 
@@ -48,30 +57,21 @@ impl Law {
             }
         };
         match self {
-            Law::Power(1) => s.to_owned(),
-            Law::Power(2) => format!("{s}²"),
-            Law::Power(3) => format!("{s}³"),
-            Law::Power(n) => format!("{s}^{n}"),
-            Law::Square => format!("{s}·|{s}|"),
-            Law::Size => format!("|{s}|"),
-            Law::Sine(k) => format!("sin({}{s})", times(k)),
-            Law::Cosine(k) => format!("cos({}{s})", times(k)),
-            Law::Sign(width) => format!("tanh({s}/{})", short(width)),
+            Curve::Power(1) => s.to_owned(),
+            Curve::Power(2) => format!("{s}²"),
+            Curve::Power(3) => format!("{s}³"),
+            Curve::Power(n) => format!("{s}^{n}"),
+            Curve::Square => format!("{s}·|{s}|"),
+            Curve::Size => format!("|{s}|"),
+            Curve::Sine(k) => format!("sin({}{s})", times(k)),
+            Curve::Cosine(k) => format!("cos({}{s})", times(k)),
+            Curve::Sign(width) => format!("tanh({s}/{})", short(width)),
         }
     }
 }
 
-/// A width of one digit as it is written.
-fn short(width: f64) -> String {
-    let text = number(width);
-    match text.contains('.') && !text.contains('×') {
-        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
-        false => text,
-    }
-}
-
 impl Function {
-    fn of(names: &[&str], factors: Vec<(usize, Law)>) -> Self {
+    fn of(names: &[&str], factors: Vec<(usize, Curve)>) -> Self {
         let words: Vec<String> = factors
             .iter()
             .map(|&(k, law)| law.name(names.get(k).copied().unwrap_or_default()))
@@ -84,7 +84,7 @@ impl Function {
 
     /// At what a network sees; NaN where something of it is missing.
     pub fn value(&self, x: &[f64]) -> f64 {
-        let factor = |&(k, law): &(usize, Law)| law.value(x.get(k).copied().unwrap_or(f64::NAN));
+        let factor = |&(k, law): &(usize, Curve)| law.value(x.get(k).copied().unwrap_or(f64::NAN));
         self.factors.iter().map(factor).product()
     }
 }
@@ -96,7 +96,7 @@ pub fn dictionary(
     names: &[&str],
     coordinates: &[Coordinate],
 ) -> Vec<Function> {
-    let of = |pick: &dyn Fn(Quantity) -> Vec<Law>| -> Vec<(usize, Law)> {
+    let of = |pick: &dyn Fn(Quantity) -> Vec<Curve>| -> Vec<(usize, Curve)> {
         let each = features.iter().enumerate();
         each.flat_map(|(k, f)| pick(f.quantity).into_iter().map(move |law| (k, law)))
             .collect()
@@ -104,43 +104,31 @@ pub fn dictionary(
     let is_angle = |c: usize| coordinates.get(c).is_some_and(|c| c.angular);
     let places = of(&|quantity| match quantity {
         Quantity::Position(c) if is_angle(c) => vec![
-            Law::Power(1),
-            Law::Power(2),
-            Law::Power(3),
-            Law::Sine(1.0),
-            Law::Cosine(1.0),
-            Law::Sine(2.0),
-            Law::Cosine(2.0),
+            Curve::Power(1),
+            Curve::Power(2),
+            Curve::Power(3),
+            Curve::Sine(1.0),
+            Curve::Cosine(1.0),
+            Curve::Sine(2.0),
+            Curve::Cosine(2.0),
         ],
-        Quantity::Position(_) => vec![Law::Power(1), Law::Power(2), Law::Power(3)],
-        Quantity::Cosine(_) | Quantity::Sine(_) => vec![Law::Power(1), Law::Power(2)],
+        Quantity::Position(_) => vec![Curve::Power(1), Curve::Power(2), Curve::Power(3)],
+        Quantity::Cosine(_) | Quantity::Sine(_) => vec![Curve::Power(1), Curve::Power(2)],
         _ => Vec::new(),
     });
     let inputs = of(&|quantity| match quantity {
-        Quantity::Input { .. } => vec![
-            Law::Power(1),
-            Law::Power(2),
-            Law::Power(3),
-            Law::Square,
-            Law::Size,
-        ],
+        Quantity::Input { .. } => OF_A_FLOW.to_vec(),
         _ => Vec::new(),
     });
     let mut speeds = of(&|quantity| match quantity {
-        Quantity::Velocity(_) => vec![
-            Law::Power(1),
-            Law::Power(2),
-            Law::Power(3),
-            Law::Square,
-            Law::Size,
-        ],
+        Quantity::Velocity(_) => OF_A_FLOW.to_vec(),
         _ => Vec::new(),
     });
     for (k, feature) in features.iter().enumerate() {
         let fastest = feature.range[0].abs().max(feature.range[1].abs());
         if matches!(feature.quantity, Quantity::Velocity(_)) && fastest > 0.0 && fastest.is_finite()
         {
-            speeds.extend(SHARPNESS.map(|share| (k, Law::Sign(one_digit(share * fastest)))));
+            speeds.extend(SHARPNESS.map(|share| (k, Curve::Sign(one_digit(share * fastest)))));
         }
     }
     let mut functions: Vec<Function> = [&places, &inputs, &speeds]

@@ -135,6 +135,33 @@ pub struct Feature {
     pub range: [f64; 2],
 }
 
+impl Feature {
+    /// Scaled to mean 0 and deviation 1 over these values; what never moves says nothing, and cosines and sines have their scale.
+    pub(crate) fn scaled(quantity: Quantity, values: impl Iterator<Item = f64>) -> Self {
+        let (mut n, mut sum, mut squares) = (0.0, 0.0, 0.0);
+        let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+        for x in values {
+            n += 1.0;
+            sum += x;
+            squares += x * x;
+            range = [range[0].min(x), range[1].max(x)];
+        }
+        let mean = sum / n;
+        let width = (squares / n - mean * mean).max(0.0).sqrt();
+        let (offset, width) = match quantity {
+            Quantity::Cosine(_) | Quantity::Sine(_) => (0.0, 1.0),
+            _ if width <= 1e-9 * mean.abs() || width == 0.0 => (mean, 1.0),
+            _ => (mean, width),
+        };
+        Feature {
+            quantity,
+            offset,
+            width,
+            range,
+        }
+    }
+}
+
 /// Sines and cosines of eight angles, to 1.5 units in the last place.
 pub(crate) struct SinCos<'a>(pub &'a Lane);
 

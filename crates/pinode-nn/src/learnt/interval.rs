@@ -1,12 +1,8 @@
 //! What some samples ago means: another time in a log of another rate.
 
 use super::Quantity;
-use crate::evaluate::typical_interval;
-use crate::log::Run;
+use crate::log::{Run, same_rate, typical_interval};
 use crate::model::{Model, NetworkEntry};
-
-/// Sample intervals that are apart by more than this share are different.
-const NEAR: f64 = 0.01;
 
 /// What should be known of networks that see what was some samples ago, where samples are apart otherwise than in their training.
 pub(crate) fn other_intervals(model: &Model, runs: &[&Run]) -> Vec<String> {
@@ -30,8 +26,7 @@ fn other_interval(model: &Model, network: &NetworkEntry, runs: &[&Run]) -> Optio
     }
     let (run, interval) = runs.iter().find_map(|run| {
         let interval = typical_interval(&run.t)?;
-        let differs = (interval / trained - 1.0).abs() > NEAR;
-        differs.then_some((run, interval))
+        (!same_rate(interval, trained)).then_some((run, interval))
     })?;
     Some(format!(
         "the network of {} sees {}, and samples of {trained:.6} s are what it was trained on: those of run `{}` are {interval:.6} s apart, \

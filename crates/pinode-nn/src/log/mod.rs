@@ -5,6 +5,7 @@
 //! error, since the rows could as well be a second recording under the same name.
 
 mod columns;
+mod interval;
 mod read;
 
 use std::path::{Path, PathBuf};
@@ -12,6 +13,7 @@ use std::path::{Path, PathBuf};
 use lagrange::{Coordinate, Problem};
 
 pub use columns::{ColumnMap, Mapping};
+pub(crate) use interval::{same_rate, typical, typical_interval};
 
 use crate::Error;
 use crate::entries::refuse_poses;

@@ -2,8 +2,8 @@
 
 use crate::diagnose::audit::contradicts;
 use crate::diagnose::verdict::{Diagnosis, Gap, NamedEffect, ParameterValue, Verdict};
-pub use crate::digits::number;
 use crate::digits::{exponent, fixed, is_plain, power};
+pub use crate::digits::{number, short};
 
 /// A name of the library without its underscores: `coulomb_friction` is "Coulomb friction".
 pub fn plain(name: &str) -> String {
@@ -20,18 +20,6 @@ pub fn plain(name: &str) -> String {
     match words.join(" ").as_str() {
         "unknown" => "unknown effect".to_owned(),
         words => words.to_owned(),
-    }
-}
-
-/// A number without zeros at its end, for what was set and not measured.
-pub fn short(x: f64) -> String {
-    let number = number(x);
-    match number.contains('.') && !number.contains('×') {
-        true => number
-            .trim_end_matches('0')
-            .trim_end_matches('.')
-            .to_owned(),
-        false => number,
     }
 }
 
@@ -223,14 +211,6 @@ pub fn capital(words: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn what_was_set_has_no_zeros_at_its_end() {
-        assert_eq!(
-            (short(0.6), short(2.0), short(200.0)),
-            ("0.6".into(), "2".into(), "200".into())
-        );
-    }
 
     #[test]
     fn the_error_decides_the_last_digit_of_the_value() {

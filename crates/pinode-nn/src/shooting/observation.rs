@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 
 use crate::hybrid::{Predicted, Reading};
+use crate::log::typical;
 
 /// A measured quantity: a position, or a velocity measured on its own.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,11 +74,8 @@ impl Observations {
     /// The median time between two samples, s; 0 without two.
     pub fn typical_interval(&self) -> f64 {
         let runs = self.runs.iter();
-        let mut intervals: Vec<f64> = runs
-            .flat_map(|run| run.t.windows(2).map(|p| p[1] - p[0]))
-            .collect();
-        intervals.sort_by(f64::total_cmp);
-        intervals.get(intervals.len() / 2).copied().unwrap_or(0.0)
+        let intervals = runs.flat_map(|run| run.t.windows(2).map(|p| p[1] - p[0]));
+        typical(intervals.collect()).unwrap_or(0.0)
     }
 
     /// Every so many samples of each recording that they are about `interval` s apart, never closer than they were; the input between

@@ -12,10 +12,9 @@ use crate::Error;
 use crate::diagnose::audit::{Masked, audit};
 use crate::diagnose::smooth::{Smoothed, smooth};
 use crate::entries::{refuse_poses, starts};
-use crate::evaluate::typical_interval;
 use crate::hybrid::{ConstantId, DrivenInputs, Hybrid};
 use crate::learnt::{Feature, Output, Quantity};
-use crate::log::Log;
+use crate::log::{Log, typical_interval};
 use crate::model::Model;
 use crate::shooting::{Observations, ObservedRun, Window};
 
@@ -272,40 +271,21 @@ impl Recordings {
 
     /// What the network sees, scaled to mean 0 and deviation 1 over the recordings.
     pub fn features(&self, quantities: &[Quantity]) -> Vec<Feature> {
+        let starts = starts(self.hybrid.mechanics().coordinates());
+        let nq = self.hybrid.nq();
+        // The last sample has no step of its own.
+        let samples = |smoothed: &Smoothed| 0..smoothed.q.first().map_or(0, Vec::len).max(1) - 1;
+        let runs = || self.smoothed.iter().zip(&self.inputs);
+        let states: Vec<(Vec<f64>, usize, &DrivenInputs)> = runs()
+            .flat_map(|(smoothed, inputs)| {
+                samples(smoothed).map(move |k| (smoothed.state(k), k, inputs))
+            })
+            .collect();
         let of = |&quantity: &Quantity| {
-            let (mut n, mut sum, mut squares) = (0.0, 0.0, 0.0);
-            let mut range = [f64::INFINITY, f64::NEG_INFINITY];
-            for (smoothed, inputs) in self.smoothed.iter().zip(&self.inputs) {
-                for k in 0..smoothed.q.first().map_or(0, Vec::len).saturating_sub(1) {
-                    let x = match quantity {
-                        Quantity::Position(c) => smoothed.q[c][k],
-                        Quantity::Cosine(c) => smoothed.q[c][k].cos(),
-                        Quantity::Sine(c) => smoothed.q[c][k].sin(),
-                        Quantity::Velocity(c) => smoothed.v[c][k],
-                        Quantity::Input { input, back } => {
-                            inputs.forces[input].value[self.substeps * k.saturating_sub(back)]
-                        }
-                    };
-                    n += 1.0;
-                    sum += x;
-                    squares += x * x;
-                    range = [range[0].min(x), range[1].max(x)];
-                }
-            }
-            let mean = sum / n;
-            let width = (squares / n - mean * mean).max(0.0).sqrt();
-            let (offset, width) = match quantity {
-                Quantity::Cosine(_) | Quantity::Sine(_) => (0.0, 1.0),
-                // What never moves says nothing.
-                _ if width <= 1e-9 * mean.abs() || width == 0.0 => (mean, 1.0),
-                _ => (mean, width),
+            let value = |(state, k, inputs): &(Vec<f64>, usize, &DrivenInputs)| {
+                quantity.value(state, *k, &starts, nq, inputs)
             };
-            Feature {
-                quantity,
-                offset,
-                width,
-                range,
-            }
+            Feature::scaled(quantity, states.iter().map(value))
         };
         quantities.iter().map(of).collect()
     }

@@ -158,7 +158,12 @@ pub(super) fn check(model: &Model, options: &Options) -> Result<(), Error> {
                 .to_owned(),
         );
     }
-    for quantity in &options.quantities {
+    for (k, quantity) in options.quantities.iter().enumerate() {
+        if options.quantities[..k].contains(quantity) {
+            let inputs: Vec<&str> = model.inputs.iter().map(|i| i.name.as_str()).collect();
+            let name = quantity.name(coordinates, &inputs);
+            return fault(format!("the network is to see {name} twice"));
+        }
         if let Quantity::Position(c) = *quantity
             && let Some(coordinate) = coordinates.get(c).filter(|c| c.wraps)
         {

@@ -231,9 +231,9 @@ impl<'a, T: Real> Session<'a, T> {
         let terms = self.terms(batch.len());
         let fitted = self.options.start == Start::Fitted;
         let work = if fitted {
-            forth_and_back_with_starts
+            forth_and_back::<T, true>
         } else {
-            forth_and_back
+            forth_and_back::<T, false>
         };
         let used = self.in_chunks(Part::Seen, batch, work)?;
         let (mut loss, mut diverged) = (0.0, 0);
@@ -295,7 +295,7 @@ impl<'a, T: Real> Session<'a, T> {
             for batch in all.chunks(self.options.batch) {
                 let work = match round == rounds {
                     true => Chunk::roll,
-                    false => forth_and_back_with_starts,
+                    false => forth_and_back::<T, true>,
                 };
                 let used = self.in_chunks(Part::HeldOut, batch, work)?;
                 for chunk in &self.chunks[..used] {
@@ -370,27 +370,17 @@ enum Part {
 type Work<T> =
     fn(&mut Chunk<T>, &Setting<'_>, &Learner<T>, &[Member<'_>]) -> Result<(), lagrange::Error>;
 
-/// The loss and its gradients.
-fn forth_and_back<T: Real>(
+/// The loss and its gradients; with `STARTS` what the steps of the starts need, too.
+fn forth_and_back<T: Real, const STARTS: bool>(
     chunk: &mut Chunk<T>,
     setting: &Setting<'_>,
     learner: &Learner<T>,
     members: &[Member<'_>],
 ) -> Result<(), lagrange::Error> {
     chunk.forward(setting, learner, members)?;
-    chunk.backward(setting, learner, members);
-    Ok(())
-}
-
-/// The same with what the steps of the starts need.
-fn forth_and_back_with_starts<T: Real>(
-    chunk: &mut Chunk<T>,
-    setting: &Setting<'_>,
-    learner: &Learner<T>,
-    members: &[Member<'_>],
-) -> Result<(), lagrange::Error> {
-    chunk.forward(setting, learner, members)?;
-    chunk.curve(setting, learner, members);
+    if STARTS {
+        chunk.curve(setting, learner, members);
+    }
     chunk.backward(setting, learner, members);
     Ok(())
 }

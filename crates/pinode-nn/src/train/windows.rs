@@ -6,7 +6,7 @@ use std::path::Path;
 use super::Options;
 use super::data::Recordings;
 use crate::Error;
-use crate::log::Log;
+use crate::log::{Log, typical};
 use crate::shooting::Window;
 
 /// The last of so many parts of a recording is held out.
@@ -172,7 +172,5 @@ pub(super) fn one_interval(names: &[RunName], intervals: &[f64]) -> Result<f64, 
             list.join(", ")
         )));
     }
-    let mut all: Vec<f64> = of_runs().collect();
-    all.sort_by(f64::total_cmp);
-    Ok(all.get(all.len() / 2).copied().unwrap_or(1.0))
+    Ok(typical(of_runs().collect()).unwrap_or(1.0))
 }
