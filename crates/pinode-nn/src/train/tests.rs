@@ -1,10 +1,14 @@
 //! The gradient through roll-outs, against differences of the loss and against sensitivities that run forward.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+#[path = "../../../../tests/common/random_tree.rs"]
+mod random_tree;
 
 use std::path::Path;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
+use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -15,12 +19,15 @@ use crate::learnt::{Feature, LearntForce, Output, Quantity};
 use crate::model::Model;
 use crate::network::{Activation, Mlp, Shape};
 use crate::shooting::{Roller, Trajectory};
+use random_tree::{RandomBody, body, urdf};
 
 /// A model with a smooth network, random data and windows of three samples of two steps.
 struct Case {
     hybrid: Hybrid,
     theta: Vec<f64>,
     free: Vec<usize>,
+    /// Times and readings of the inputs.
+    read: (Vec<f64>, Vec<Vec<f64>>),
     inputs: DrivenInputs,
     target: Target,
     loss: Loss,
@@ -32,12 +39,40 @@ const SAMPLES: usize = 3;
 const SUBSTEPS: usize = 2;
 
 impl Case {
-    fn new(folder: &str, effects: &str, joints: &[usize], interval: f64, seed: u64) -> Self {
+    fn new(file: &str, effects: &str, joints: &[usize], interval: f64, seed: u64) -> Self {
         let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
-        let path = models.join(folder);
+        let path = models.join(file);
         let text = std::fs::read_to_string(&path).unwrap() + effects;
         let model = Model::parse(&path, text).unwrap();
-        let hybrid = Hybrid::explicit(&model);
+        Self::of(&model, joints, interval, seed)
+    }
+
+    /// A random tree with a force on its first joint, laws on its last one, and a network on one of them or on two.
+    fn random(bodies: &[RandomBody], seed: u64) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("random.urdf"), urdf(bodies)).unwrap();
+        let n = bodies.len();
+        let mut text = "name = 'random'\nurdf = 'random.urdf'\n\
+            [[input]]\nname = 'motor'\njoint = 'j1'\n"
+            .to_owned();
+        for law in [
+            "kind = 'viscous_friction'\ncoefficient = 0.2",
+            "kind = 'quadratic_drag'\ncoefficient = 0.1",
+            "kind = 'cubic_spring'\nstiffness = 3.0",
+        ] {
+            text += &format!("[[effect]]\n{law}\njoint = 'j{n}'\n");
+        }
+        let path = folder.path().join("random.toml");
+        let model = Model::parse(&path, text).unwrap();
+        let mut joints = vec![seed as usize % n];
+        if seed % 3 == 0 && n > 1 {
+            joints.push((joints[0] + 1) % n);
+        }
+        Self::of(&model, &joints, 2e-3, seed)
+    }
+
+    fn of(model: &Model, joints: &[usize], interval: f64, seed: u64) -> Self {
+        let hybrid = Hybrid::explicit(model);
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut number = |size: f64| size * (2.0 * rng.random::<f64>() - 1.0);
         let n = hybrid.nv();
@@ -102,6 +137,7 @@ impl Case {
             hybrid,
             theta,
             free,
+            read: (t, u),
             inputs,
             target,
             loss,
@@ -191,18 +227,47 @@ fn cases() -> Vec<(&'static str, Case)> {
 fn the_gradient_in_the_weights_is_the_slope_of_the_loss() {
     for (k, (name, mut case)) in cases().into_iter().enumerate() {
         case.loss.far = (k % 2 == 0).then_some(FAR);
-        let chunk = case.chunk();
+        case.weights_against_differences(name);
+    }
+}
+
+#[test]
+fn the_gradients_are_those_of_forward_sensitivities() {
+    for (name, case) in cases() {
+        case.against_forward_sensitivities(name);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Of any mechanism.
+    #[test]
+    fn the_gradients_of_random_mechanisms_are_right_by_both_routes(
+        bodies in proptest::collection::vec(body(&["revolute", "continuous", "prismatic"]), 1..=5),
+        seed in 0..1000_u64,
+    ) {
+        let mut case = Case::random(&bodies, seed);
+        case.against_forward_sensitivities("random tree");
+        case.loss.far = Some(FAR);
+        case.weights_against_differences("random tree");
+    }
+}
+
+impl Case {
+    fn weights_against_differences(&self, name: &str) {
+        let chunk = self.chunk();
         assert_eq!(chunk.diverged, 0, "{name}");
         let mut rng = ChaCha8Rng::seed_from_u64(5);
         for _ in 0..4 {
-            let p = case.learner.network.parameters();
+            let p = self.learner.network.parameters();
             let direction: Vec<f64> = p.iter().map(|_| rng.random::<f64>() - 0.5).collect();
             let along = |h: f64| {
-                let mut network = case.learner.network.clone();
+                let mut network = self.learner.network.clone();
                 for (x, d) in network.parameters_mut().iter_mut().zip(&direction) {
                     *x += h * d;
                 }
-                case.loss_with(network)
+                self.loss_with(network)
             };
             // Central differences of the sixth order.
             let h = 2e-4;
@@ -221,44 +286,37 @@ fn the_gradient_in_the_weights_is_the_slope_of_the_loss() {
             );
         }
     }
-}
 
-/// The second route: the network as a part of the model, whose roll-outs carry ∂x/∂(x₀, θ) forward.
-#[test]
-fn the_gradients_in_starts_and_constants_are_those_of_forward_sensitivities() {
-    for (name, case) in cases() {
-        let mut chunk = case.chunk();
-        let mut hybrid = case.hybrid.clone();
+    /// The second route: the network as a part of the model whose parameters are entries of θ, and roll-outs that carry ∂x/∂(x₀, θ) forward.
+    fn against_forward_sensitivities(&self, name: &str) {
+        let mut chunk = self.chunk();
+        let mut hybrid = self.hybrid.clone();
         let Learner {
             network,
             features,
             outputs,
-        } = case.learner.clone();
+        } = self.learner.clone();
         let force = LearntForce::new(network, features, outputs, false).unwrap();
-        hybrid.add_network(Arc::new(force));
-        let mut roller = Roller::new(&hybrid, &case.free);
+        hybrid.add_open_network(Arc::new(force), f64::INFINITY);
+        let (theta, free) = (hybrid.theta(), hybrid.free());
+        let inputs = hybrid.drive(&self.read.0, &self.read.1, SUBSTEPS, &theta, &free);
+        let mut roller = Roller::new(&hybrid, &free);
         let (nx, columns) = (hybrid.nx(), roller.columns());
-        let mut by_theta = vec![0.0; case.free.len()];
+        let mut by_theta = vec![0.0; free.len()];
         let mut loss = 0.0;
         let mut trajectory = Trajectory::default();
-        for (k, start) in case.starts.iter().enumerate() {
+        for (k, start) in self.starts.iter().enumerate() {
             roller
-                .roll_with_sensitivities(
-                    &case.theta,
-                    &case.inputs,
-                    (k, SAMPLES + 1),
-                    start,
-                    &mut trajectory,
-                )
+                .roll_with_sensitivities(&theta, &inputs, (k, SAMPLES + 1), start, &mut trajectory)
                 .unwrap();
             let mut by_start = vec![0.0; nx];
             let mut curvature = DMatrix::<f64>::zeros(nx, nx);
             for sample in 1..=SAMPLES {
                 let x = &trajectory.states[sample * nx..][..nx];
                 let s = &trajectory.sensitivities[sample * nx * columns..][..nx * columns];
-                loss += case.loss.at(&case.target, k + sample, |i| x[i]);
-                case.loss.gradient(
-                    &case.target,
+                loss += self.loss.at(&self.target, k + sample, |i| x[i]);
+                self.loss.gradient(
+                    &self.target,
                     k + sample,
                     |i| x[i],
                     |i, part| {
@@ -274,7 +332,7 @@ fn the_gradients_in_starts_and_constants_are_those_of_forward_sensitivities() {
                     let row = DVector::from_fn(nx, |column, _| s[column * nx + i]);
                     curvature.ger(2.0 * weight, &row, &row, 1.0);
                 };
-                case.loss.residuals(&case.target, k + sample, |i| x[i], add);
+                self.loss.residuals(&self.target, k + sample, |i| x[i], add);
             }
             let size: f64 = by_start.iter().map(|x| x.abs()).sum();
             for (i, expected) in by_start.iter().enumerate() {
@@ -297,11 +355,19 @@ fn the_gradients_in_starts_and_constants_are_those_of_forward_sensitivities() {
             );
         }
         assert!((chunk.loss / loss - 1.0).abs() < 1e-12, "{name}");
-        assert!(!by_theta.is_empty());
-        for (k, (found, expected)) in chunk.by_theta.iter().zip(&by_theta).enumerate() {
+        let found: Vec<f64> = chunk
+            .by_theta
+            .iter()
+            .chain(&chunk.gradient)
+            .copied()
+            .collect();
+        assert_eq!(found.len(), by_theta.len(), "{name}");
+        assert!(!self.free.is_empty(), "{name}");
+        let largest = by_theta.iter().fold(0.0, |most, x| f64::max(most, x.abs()));
+        for (k, (found, expected)) in found.iter().zip(&by_theta).enumerate() {
             assert!(
-                (found - expected).abs() < 1e-9 * expected.abs().max(1.0),
-                "{name}, constant {k}: {found} for {expected}"
+                (found - expected).abs() < 1e-8 * expected.abs() + 1e-13 * largest,
+                "{name}, entry {k} of θ: {found} for {expected}"
             );
         }
     }
