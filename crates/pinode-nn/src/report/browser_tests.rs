@@ -8,6 +8,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
+use super::sheet::{Curve, Grid, GridRow, Section, Sheet, Style};
 use super::tests::{curves, diagnosis, unexplained};
 use super::*;
 use crate::diagnose::verdict::Verdict;
@@ -159,19 +160,80 @@ fn brightness(colour: &Value) -> f64 {
 
 #[test]
 fn the_report_is_whole_in_a_browser_wide_and_narrow_light_and_dark() {
+    let dir = tempfile::tempdir().unwrap();
+    let page = report_with_everything(dir.path());
+    is_whole(dir.path(), &page, 11);
+}
+
+/// What `cartpole paper` writes has tables of many columns, roll-outs and histograms.
+#[test]
+fn a_sheet_is_whole_in_a_browser_wide_and_narrow_light_and_dark() {
+    let dir = tempfile::tempdir().unwrap();
+    let t: Vec<f64> = (0..100).map(|k| 0.02 * f64::from(k)).collect();
+    let y: Vec<f64> = t.iter().map(|t| (5.0 * t).sin()).collect();
+    let long = "a model with effects, and a network for the rest";
+    let number = "0.0523 (0.0509–0.0537)";
+    let mut section = Section::new("Roll-outs and errors of two models, with strong friction");
+    section.paragraphs = vec!["Mean absolute errors over all samples. ".repeat(8)];
+    section.tables = vec![Grid {
+        heading: "strong friction, learnt from the whole recording".into(),
+        texts: 2,
+        columns: [
+            "model",
+            "starts",
+            "x, m",
+            "phi, rad",
+            "x_dot, m/s",
+            "phi_dot, rad/s",
+        ]
+        .map(String::from)
+        .to_vec(),
+        rows: [false, true]
+            .map(|chosen| GridRow {
+                cells: [long, "measured", number, number, number, number]
+                    .map(String::from)
+                    .to_vec(),
+                chosen,
+            })
+            .to_vec(),
+    }];
+    let curve = |name, style| Curve {
+        name,
+        style,
+        x: &t,
+        y: &y,
+    };
+    let all = [
+        curve("measured", Style::Measured),
+        curve(long, Style::After),
+        curve("another", Style::Other(0)),
+    ];
+    let lists: [(&str, Style, &[f64]); 2] = [(long, Style::After, &y), ("b", Style::Before, &t)];
+    section.figures = vec![
+        sheet::curves("x, roll-out 1", ["t, s", "x, m"], &all, "run"),
+        sheet::histograms("errors of x, m", "x, m", &lists, "errors"),
+    ];
+    let sheet = Sheet {
+        title: "An experiment on a virtual rig".into(),
+        heading: "The errors of both coordinates and their rates over 0.6 s are a seventh".into(),
+        sections: vec![section],
+    };
+    is_whole(dir.path(), &sheet.render().unwrap(), 2);
+}
+
+/// No complaint, all figures drawn, nothing too wide, and dark on light or light on dark.
+fn is_whole(dir: &Path, page: &str, least: usize) {
     let Some(browser) = browser() else {
         eprintln!(
-            "SKIPPED: no Chromium on the PATH and none named by PINODE_BROWSER: the report is not looked at in a browser"
+            "SKIPPED: no Chromium on the PATH and none named by PINODE_BROWSER: the page is not looked at in a browser"
         );
         return;
     };
-    let dir = tempfile::tempdir().unwrap();
-    let page = report_with_everything(dir.path());
     let figures = page.matches("Plotly.newPlot(").count()
         - figures::script().matches("Plotly.newPlot(").count();
-    assert!(figures >= 11, "{figures}");
+    assert!(figures >= least, "{figures}");
     for (width, dark) in [(1280, false), (1280, true), (400, false), (400, true)] {
-        let seen = seen(&browser, dir.path(), &page, width, dark);
+        let seen = seen(&browser, dir, page, width, dark);
         let at = format!("at {width} px, dark {dark}: {seen}");
         assert_eq!(seen["width"], width, "{at}");
         assert_eq!(seen["dark"], dark, "{at}");
