@@ -23,7 +23,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use cartpole::paper::{Contestant, Friction, PaperRig, RigEnvironment};
+use cartpole::paper::{Contestant, Friction, Known, PaperRig, RigEnvironment};
 use clap::{Parser, ValueEnum};
 use pinode_nn::environment::{Closures, Environment, Task, Transition, Verdict, uniform};
 use pinode_nn::log::Log;
@@ -180,6 +180,7 @@ fn learn(cli: &Cli, rig: &PaperRig) -> Result<Model, Box<dyn Error>> {
     rig.record(cli.samples, cli.seed)?.log.write_csv(&path)?;
     let log = Log::read(&path, &Model::load(&known)?)?;
     println!("a log of {} samples: {}", cli.samples, path.display());
+    let known = Known::of_the_cart_pole(&known)?;
     let learnt = Contestant::Ours.learn(&known, &log, &cli.out, cli.seed, Some(cli.epochs))?;
     Ok(Model::load(&learnt)?)
 }

@@ -22,16 +22,16 @@ fn arm() -> Bench {
     Bench::arm(&models()).unwrap()
 }
 
-fn fault(kind: &'static str, target: usize, parameters: &[(&'static str, f64)]) -> Option<Fault> {
-    Some(Fault {
+fn fault(kind: &'static str, target: usize, parameters: &[(&'static str, f64)]) -> [Fault; 1] {
+    [Fault {
         kind,
         target,
         parameters: parameters.to_vec(),
-    })
+    }]
 }
 
-fn run(bench: &Bench, fault: &Option<Fault>, duration: f64) -> Recording {
-    bench.run(fault, NoiseLevel::Low, duration, 5).unwrap()
+fn run(bench: &Bench, faults: &[Fault], duration: f64) -> Recording {
+    bench.run(faults, NoiseLevel::Low, duration, 5).unwrap()
 }
 
 #[test]
@@ -41,9 +41,9 @@ fn without_a_fault_the_model_of_the_user_runs_as_the_rig_does() {
     for (bench, duration, noise) in [(furuta(), 12.0, 1e-4), (arm(), 1.5, 2e-5)] {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("log.csv");
-        let recorded = run(&bench, &None, duration);
+        let recorded = run(&bench, &[], duration);
         recorded.write_csv(&path).unwrap();
-        let model = Model::load(&bench.known_model(&None, dir.path()).unwrap()).unwrap();
+        let model = Model::load(&bench.known_model(&[], dir.path()).unwrap()).unwrap();
         let log = Log::read(&path, &model).unwrap();
         assert!(log.warnings.is_empty());
         let run = &log.runs[0];
@@ -75,7 +75,7 @@ fn without_a_fault_the_model_of_the_user_runs_as_the_rig_does() {
 #[test]
 fn every_fault_changes_the_motion_or_the_torques_and_stays_in_bounds() {
     let bench = furuta();
-    let clean = run(&bench, &None, 15.0);
+    let clean = run(&bench, &[], 15.0);
     let apart = |a: &[Vec<f64>], b: &[Vec<f64>]| {
         let pairs = a.iter().flatten().zip(b.iter().flatten());
         pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
@@ -83,7 +83,7 @@ fn every_fault_changes_the_motion_or_the_torques_and_stays_in_bounds() {
     for (index, kind) in KINDS.iter().enumerate() {
         let fault = bench.draw(index, 3).unwrap();
         assert_eq!(fault.kind, *kind);
-        let log = run(&bench, &Some(fault.clone()), 15.0);
+        let log = run(&bench, std::slice::from_ref(&fault), 15.0);
         // Tens of counts of the encoders, or a share of the force that matters on the arm, which the controller gives back.
         let (moved, pushed) = (apart(&clean.q, &log.q), apart(&clean.u, &log.u));
         assert!(
@@ -103,7 +103,7 @@ fn the_arm_follows_its_sines_with_every_fault() {
     for kind in 0..KINDS.len() {
         let fault = bench.draw(kind, 11).unwrap();
         let log = bench
-            .run(&Some(fault.clone()), NoiseLevel::Low, 4.0, 5)
+            .run(std::slice::from_ref(&fault), NoiseLevel::Low, 4.0, 5)
             .unwrap_or_else(|error| panic!("{fault:?}: {error}"));
         let limits = [2.9, 2.0, 2.9, 2.7, 2.9, 1.8, 3.0];
         for row in &log.q {
@@ -117,7 +117,7 @@ fn the_arm_follows_its_sines_with_every_fault() {
 #[test]
 fn same_seed_same_bits_and_other_seed_another_motion() {
     let bench = furuta();
-    let fault = Some(bench.draw(3, 8).unwrap());
+    let fault = [bench.draw(3, 8).unwrap()];
     let log = run(&bench, &fault, 5.0);
     assert_eq!(log, run(&bench, &fault, 5.0));
     let other = bench.run(&fault, NoiseLevel::Low, 5.0, 6).unwrap();
@@ -139,7 +139,7 @@ fn a_pendulum_with_dry_friction_comes_to_rest_off_the_vertical() {
 fn the_model_of_the_user_lacks_the_hidden_friction_alone() {
     let bench = arm();
     let dir = tempfile::tempdir().unwrap();
-    let effects = |hidden: &Option<Fault>, name: &str| {
+    let effects = |hidden: &[Fault], name: &str| {
         let path = bench.known_model(hidden, &dir.path().join(name)).unwrap();
         let model = Model::load(&path).unwrap();
         let named = |e: &pinode_nn::model::EffectEntry| {
@@ -147,7 +147,7 @@ fn the_model_of_the_user_lacks_the_hidden_friction_alone() {
         };
         model.effects.iter().map(named).collect::<Vec<_>>()
     };
-    let all = effects(&None, "all");
+    let all = effects(&[], "all");
     assert_eq!(all.len(), 14);
     for (kind, joint) in [("viscous_friction", 2), ("coulomb_friction", 4)] {
         let name = format!("j{}", joint + 1);
@@ -161,7 +161,7 @@ fn the_model_of_the_user_lacks_the_hidden_friction_alone() {
         assert_eq!(left, expected);
     }
     let stribeck = bench.draw(3, 1).unwrap();
-    assert_eq!(effects(&Some(stribeck), "law"), all);
+    assert_eq!(effects(&[stribeck], "law"), all);
 }
 
 #[test]
@@ -175,7 +175,7 @@ fn what_delays_the_torques_leaves_the_controllers_stable() {
             for seed in 1..9 {
                 let fault = bench.draw(index, seed).unwrap();
                 let log = bench
-                    .run(&Some(fault.clone()), NoiseLevel::Low, 10.0, seed)
+                    .run(std::slice::from_ref(&fault), NoiseLevel::Low, 10.0, seed)
                     .unwrap_or_else(|error| panic!("{fault:?}: {error}"));
                 // The driven joints stay about their middles: 0.64 or 1.28 rad are asked for at most.
                 let driven = if bench.centres().len() == 2 { 1 } else { 7 };

@@ -18,6 +18,8 @@ use crate::rig::effects::{Drive, DryFriction, JointForces};
 
 /// Rows a second; the inputs are held in between.
 const RATE: f64 = 50.0;
+/// s.
+pub(crate) const INTERVAL: f64 = 1.0 / RATE;
 /// Longest step of the integrator, s.
 const STEP: f64 = 1e-3;
 /// Time in which the controller takes up its motion, s.
@@ -220,7 +222,7 @@ impl Bench {
 
     /// The torque of an input that it exceeds in a twentieth of a recording with this seed and without a fault, N·m.
     pub(super) fn large_input(&self, input: usize, seed: u64) -> Result<f64, Error> {
-        let log = self.run(&None, NoiseLevel::Low, 20.0, seed)?;
+        let log = self.run(&[], NoiseLevel::Low, 20.0, seed)?;
         let mut sizes: Vec<f64> = log
             .u
             .iter()
@@ -246,13 +248,13 @@ impl Bench {
         }
     }
 
-    /// A recording of `duration` seconds with this fault, or without one. Same arguments, same bits.
+    /// A recording of `duration` seconds with these faults. Same arguments, same bits.
     ///
     /// # Errors
     /// Where the equations of motion have no solution.
     pub fn run(
         &self,
-        fault: &Option<Fault>,
+        faults: &[Fault],
         noise: NoiseLevel,
         duration: f64,
         seed: u64,
@@ -263,32 +265,18 @@ impl Bench {
             rng
         };
         let sensors = self.sensors[noise as usize];
-        let mut forces: Vec<JointForces> = self.joints.iter().map(known).collect();
-        let mut drives = vec![Drive::default(); self.inputs.len()];
-        if let Some(fault) = fault {
-            if fault.is_of_the_drive() {
-                if let Some(drive) = drives.get_mut(fault.target) {
-                    fault.on_drive(drive);
-                }
-            } else if let Some(joint) = forces.get_mut(fault.target) {
-                fault.on_joint(joint);
-            }
-        }
         let controller = Controller::new(self, &mut random(1));
-        let start = self.centres();
-        let string = fault
-            .as_ref()
-            .and_then(|fault| Some((fault.target, fault.string()?)));
-        let mut motion = Motion::new(self, forces, (&drives, string), start)?;
+        let centres = self.centres();
+        let still = vec![0.0; centres.len()];
+        let (mut motion, drives) = self.motion(faults, (&centres, &still))?;
         let mut noise = random(2);
-        let interval = 1.0 / RATE;
         let rows = (duration * RATE).round().max(1.0) as usize;
         let mut log = Recording::new(
             self.joints.iter().map(|j| j.name.clone()).collect(),
             self.inputs.iter().map(|i| i.name.clone()).collect(),
         );
         for k in 0..rows {
-            let t = k as f64 * interval;
+            let t = k as f64 * INTERVAL;
             let (q, v) = motion.state();
             let measured: Vec<f64> = q
                 .iter()
@@ -299,10 +287,56 @@ impl Bench {
                 .collect();
             let at = |source| Error::Mechanics { time: t, source };
             let u = controller.command(self, t, q, v).map_err(at)?;
-            log.push(t, measured, u);
-            motion.advance(&drives, &log.u, interval, STEP)?;
+            log.push(t, measured, (q, v), u);
+            motion.advance(&drives, &log.u, INTERVAL, STEP)?;
         }
         Ok(log)
+    }
+
+    /// The true positions with these faults at the ends of the intervals over which the inputs were held, from the state (q, v) on. The inputs of
+    /// the intervals before are `past`, the last one last; before them all were as in the first row. Motors move with their joints at the start.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn true_run(
+        &self,
+        faults: &[Fault],
+        start: (&[f64], &[f64]),
+        past: &[Vec<f64>],
+        inputs: &[Vec<f64>],
+    ) -> Result<Vec<Vec<f64>>, Error> {
+        let (mut motion, drives) = self.motion(faults, start)?;
+        let mut u = past.to_vec();
+        let mut places = Vec::with_capacity(inputs.len());
+        for row in inputs {
+            u.push(row.clone());
+            motion.advance(&drives, &u, INTERVAL, STEP)?;
+            places.push(motion.state().0.to_vec());
+        }
+        Ok(places)
+    }
+
+    /// The mechanism with these faults at (q, v), and its drives.
+    fn motion(
+        &self,
+        faults: &[Fault],
+        start: (&[f64], &[f64]),
+    ) -> Result<(Motion, Vec<Drive>), Error> {
+        let mut forces: Vec<JointForces> = self.joints.iter().map(known).collect();
+        let mut drives = vec![Drive::default(); self.inputs.len()];
+        for fault in faults {
+            if fault.is_of_the_drive() {
+                if let Some(drive) = drives.get_mut(fault.target) {
+                    fault.on_drive(drive);
+                }
+            } else if let Some(joint) = forces.get_mut(fault.target) {
+                fault.on_joint(joint);
+            }
+        }
+        let mut strings = faults.iter();
+        let string = strings.find_map(|fault| Some((fault.target, fault.string()?)));
+        let motion = Motion::new(self, forces, (&drives, string), start)?;
+        Ok((motion, drives))
     }
 }
 

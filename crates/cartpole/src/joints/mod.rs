@@ -9,9 +9,9 @@
 //! use cartpole::joints::{Bench, Fault};
 //!
 //! let bench = Bench::furuta("models".as_ref())?;
-//! let fault = Some(bench.draw(0, 7)?);
-//! bench.run(&fault, NoiseLevel::Low, 20.0, 7)?.write_csv("log.csv".as_ref())?;
-//! bench.known_model(&fault, "user".as_ref())?;
+//! let faults = [bench.draw(0, 7)?];
+//! bench.run(&faults, NoiseLevel::Low, 20.0, 7)?.write_csv("log.csv".as_ref())?;
+//! bench.known_model(&faults, "user".as_ref())?;
 //! # Ok::<(), cartpole::rig::Error>(())
 //! ```
 mod bench;
@@ -21,5 +21,6 @@ mod motion;
 mod recording;
 
 pub use bench::Bench;
+pub(crate) use bench::INTERVAL;
 pub use fault::{Fault, KINDS};
 pub use recording::Recording;

@@ -13,10 +13,10 @@ impl Bench {
     ///
     /// # Errors
     /// Where a file cannot be read or written, or the URDF has not the joint's friction.
-    pub fn known_model(&self, fault: &Option<Fault>, out_dir: &Path) -> Result<PathBuf, Error> {
+    pub fn known_model(&self, faults: &[Fault], out_dir: &Path) -> Result<PathBuf, Error> {
         let read = |path: &Path| std::fs::read_to_string(path).map_err(Error::io(path));
         let (model, mut urdf) = (read(&self.model)?, read(&self.urdf)?);
-        if let Some(fault) = fault {
+        for fault in faults {
             let attribute = match fault.kind {
                 "viscous_friction" => Some("damping"),
                 "coulomb_friction" => Some("friction"),

@@ -137,13 +137,13 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// At rest at `start`; the force of a lagging motor and the pull of a string, between the input with its index and its joint, are then
-    /// the weight that they hold.
+    /// At (q, v); the force of a lagging motor and the pull of a string, between the input with its index and its joint, are the weight that they
+    /// hold there, and the motor of the string is as fast as its joint.
     pub fn new(
         bench: &Bench,
         joints: Vec<JointForces>,
         (drives, string): (&[Drive], Option<(usize, ElasticString)>),
-        start: Vec<f64>,
+        (start, rates): (&[f64], &[f64]),
     ) -> Result<Self, Error> {
         let n = joints.len();
         let lag = bench
@@ -165,15 +165,17 @@ impl Motion {
         });
         let coordinates = n + usize::from(lag.is_some()) + usize::from(rotor.is_some());
         let at_rest = |source| Error::Mechanics { time: 0.0, source };
-        let weight = bench.mechanics.gravity_force(&start).map_err(at_rest)?;
+        let weight = bench.mechanics.gravity_force(start).map_err(at_rest)?;
         let mut x = vec![0.0; 2 * coordinates];
-        x[..n].copy_from_slice(&start);
+        x[..n].copy_from_slice(start);
+        x[coordinates..coordinates + n].copy_from_slice(rates);
         if let Some(lag) = lag {
             x[coordinates + lag.coordinate] = weight[lag.joint];
         }
         if let Some(rotor) = rotor {
             let stretch = weight[rotor.joint] / rotor.string.stiffness;
             x[rotor.coordinate] = start[rotor.joint] + stretch;
+            x[coordinates + rotor.coordinate] = rates[rotor.joint];
         }
         let laws = joints
             .iter()
@@ -281,7 +283,7 @@ mod tests {
 
     fn motion(bench: &Bench, drive: Drive) -> Motion {
         let free = vec![JointForces::default(); 2];
-        Motion::new(bench, free, (&[drive], None), vec![0.0, 0.0]).unwrap()
+        Motion::new(bench, free, (&[drive], None), (&[0.0; 2], &[0.0; 2])).unwrap()
     }
 
     #[test]
@@ -338,7 +340,7 @@ mod tests {
         };
         let free = vec![JointForces::default(); 2];
         let drive = Drive::default();
-        let start = vec![0.0, 0.0];
+        let start = (&[0.0; 2][..], &[0.0; 2][..]);
         let mut motion = Motion::new(&bench, free, (&[drive], Some((0, string))), start).unwrap();
         // A torque so small that the pendulum stays where it hangs: all of it is momentum about the vertical.
         let (torque, t) = (1e-6, 0.2);

@@ -8,15 +8,19 @@ use pinode_nn::log::Log;
 use pinode_nn::model::Model;
 use serde::Serialize;
 
-use super::{Contestant, Error, Friction, PaperRig, StartsAt, true_errors};
+use super::rotary::Rotary;
+use super::stand::{CartPole, Stand};
+use super::{Contestant, Error, Friction, PaperRig};
 
 /// What to run.
 #[derive(Debug, Clone)]
 pub struct Experiment {
     /// Samples to learn from, and to run over.
     pub samples: [usize; 2],
-    /// Whether the models learn from less and from other data, too, with mild friction.
-    pub outlook: bool,
+    /// What the models learn from, too, with mild friction.
+    pub outlook: Vec<Lesson>,
+    /// Whether they run on a second mechanism.
+    pub second: bool,
     /// Seeds of rig and networks.
     pub seeds: Vec<u64>,
     /// At most so many epochs; `None`: as many as each model's options say.
@@ -25,7 +29,7 @@ pub struct Experiment {
     pub windows: usize,
 }
 
-/// Mean absolute errors of x, φ, ẋ and φ̇ in m, rad, m/s and rad/s: one seed's.
+/// Mean absolute errors of the coordinates and their rates, x, φ, ẋ and φ̇ in m, rad, m/s and rad/s: one seed's.
 pub type Errors = [f64; 4];
 
 /// What the models learn from.
@@ -43,6 +47,9 @@ pub enum Lesson {
 }
 
 impl Lesson {
+    /// All but the whole recording.
+    pub const OTHERS: [Lesson; 3] = [Lesson::Tenth, Lesson::Hundredth, Lesson::Calm];
+
     /// What it is, for people.
     pub fn title(self) -> &'static str {
         match self {
@@ -99,8 +106,12 @@ pub struct Row {
 /// All models on one rig that have learnt from one thing.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Table {
-    /// `mild` or `strong`.
-    pub friction: &'static str,
+    /// The rig: `mild` or `strong`, the cart-pole with this friction, or `furuta`.
+    pub rig: &'static str,
+    /// What it is.
+    pub title: &'static str,
+    /// Names and units of the errors.
+    pub signals: [&'static str; 4],
     /// What was learnt from.
     pub learnt_from: Lesson,
     /// One model a row.
@@ -118,8 +129,6 @@ pub struct Outcome {
     pub samples: [usize; 2],
     /// The seeds.
     pub seeds: Vec<u64>,
-    /// The names and units of the errors.
-    pub signals: [&'static str; 4],
     /// One rig a table.
     pub tables: Vec<Table>,
 }
@@ -132,47 +141,53 @@ pub(super) const LONGEST_STEP: f64 = 5e-3;
 
 impl Experiment {
     /// The folder of a rig and a seed in `out`.
-    pub(super) fn folder(out: &Path, friction: &str, seed: u64) -> PathBuf {
-        out.join(format!("{friction}-{seed}"))
+    pub(super) fn folder(out: &Path, rig: &str, seed: u64) -> PathBuf {
+        out.join(format!("{rig}-{seed}"))
     }
 
-    /// Runs it and writes logs and models to `out`; `known` is what is known of the rig, `tell` hears what is being done.
+    /// Runs it and writes logs and models to `out`. `folder` has the models of the cart-pole; beside it is, for the second mechanism,
+    /// `furuta_pendulum`. `tell` hears what is being done.
     ///
     /// # Errors
-    /// Those of the rig, of training and of evaluation.
+    /// Those of the rigs, of training and of evaluation.
     pub fn run(
         &self,
-        rig: &PaperRig,
-        known: &Path,
+        folder: &Path,
         out: &Path,
         tell: &mut dyn FnMut(&str),
     ) -> Result<Outcome, Error> {
-        let mut tables = Vec::new();
-        let outlook: &[Lesson] = match self.outlook {
-            true => &[Lesson::Tenth, Lesson::Hundredth, Lesson::Calm],
-            false => &[],
+        let mild = PaperRig::read(&folder.join("paper.toml"))?;
+        let strong = mild.clone().with_friction(Friction::Strong);
+        let known = folder.join("paper_known.toml");
+        let cart_pole = |rig| CartPole { rig, known: &known };
+        let (mild, strong) = (cart_pole(&mild), cart_pole(&strong));
+        let second = match self.second {
+            true => Some(Rotary::read(&folder.join(".."))?),
+            false => None,
         };
-        for (friction, name, further) in [
-            (Friction::Mild, "mild", outlook),
-            (Friction::Strong, "strong", &[]),
-        ] {
-            let rig = rig.clone().with_friction(friction);
-            for &lesson in [Lesson::All].iter().chain(further) {
+        let all = [Lesson::All];
+        let lessons = [&all, self.outlook.as_slice()].concat();
+        let mut plan: Vec<(&dyn Stand, &[Lesson])> = vec![(&mild, &lessons), (&strong, &all)];
+        plan.extend(second.iter().map(|s| (s as &dyn Stand, &all[..])));
+        let mut tables = Vec::new();
+        for (stand, lessons) in plan {
+            for &lesson in lessons {
                 let mut all = Vec::new();
                 for &seed in &self.seeds {
                     let exam = Exam {
                         experiment: self,
-                        rig: &rig,
-                        known,
-                        folder: &Self::folder(out, name, seed),
+                        stand,
+                        folder: &Self::folder(out, stand.name(), seed),
                         seed,
                     };
                     all.push(exam.rows(lesson, &mut |what| {
-                        tell(&format!("{name} friction, seed {seed}: {what}"));
+                        tell(&format!("{}, seed {seed}: {what}", stand.title()));
                     })?);
                 }
                 tables.push(Table {
-                    friction: name,
+                    rig: stand.name(),
+                    title: stand.title(),
+                    signals: stand.signals(),
                     learnt_from: lesson,
                     rows: over_seeds(&all),
                 });
@@ -183,7 +198,6 @@ impl Experiment {
             windows: self.windows,
             samples: self.samples,
             seeds: self.seeds.clone(),
-            signals: ["x, m", "phi, rad", "x_dot, m/s", "phi_dot, rad/s"],
             tables,
         })
     }
@@ -195,8 +209,7 @@ type OneRow = (String, String, &'static str, Errors);
 /// One rig with one seed.
 struct Exam<'a> {
     experiment: &'a Experiment,
-    rig: &'a PaperRig,
-    known: &'a Path,
+    stand: &'a dyn Stand,
     folder: &'a Path,
     seed: u64,
 }
@@ -206,34 +219,27 @@ impl Exam<'_> {
     fn rows(&self, lesson: Lesson, tell: &mut dyn FnMut(&str)) -> Result<Vec<OneRow>, Error> {
         let Exam {
             experiment,
-            rig,
-            known,
+            stand,
             folder,
             seed,
         } = *self;
         std::fs::create_dir_all(folder).map_err(|e| pinode_nn::Error::io(folder, e))?;
         let [learnt_from, run_over] = experiment.samples;
-        let learner = match lesson {
-            Lesson::Calm => with_the_pole_let_alone(rig),
-            _ => rig.clone(),
-        };
-        let learn = learner.record(lesson.samples(learnt_from), 2 * seed)?;
-        let test = rig.record(run_over, 2 * seed + 1)?;
-        let name =
-            serde_json::to_value(lesson).map_err(|e| pinode_nn::Error::io(folder, e.into()))?;
-        let name = name.as_str().unwrap_or_default().to_owned();
         let paths = [
-            folder.join(format!("learn-{name}.csv")),
-            folder.join("test.csv"),
+            folder.join(format!("learn-{}.csv", lesson.name())),
+            folder.join(TEST),
         ];
-        learn.log.write_csv(&paths[0])?;
-        test.log.write_csv(&paths[1])?;
-        let learn = Log::read(&paths[0], &Model::load(known)?)?;
+        stand.learn(lesson, lesson.samples(learnt_from), 2 * seed, &paths[0])?;
+        let steps = (HORIZON / stand.interval()).round() as usize;
+        let windows = (experiment.windows, steps);
+        let of_truth = stand.test(run_over, 2 * seed + 1, windows, &paths[1])?;
+        let known = stand.known()?;
+        let learn = Log::read(&paths[0], &Model::parse(&known.path, known.text.clone())?)?;
         let mut rows = Vec::new();
         for contestant in lesson.contestants() {
             tell(&format!("{}, from {}", contestant.title(), lesson.title()));
             let own = folder.join(folder_of(*contestant, lesson));
-            let path = contestant.learn(known, &learn, &own, seed, experiment.epochs)?;
+            let path = contestant.learn(&known, &learn, &own, seed, experiment.epochs)?;
             let model = Model::load(&path)?;
             let unseen = Log::read(&paths[1], &model)?;
             for (starts, initial) in [
@@ -256,9 +262,7 @@ impl Exam<'_> {
                 rows.push((name.to_owned(), title.to_owned(), starts, errors));
             }
         }
-        let steps = (HORIZON / rig.interval()).round() as usize;
-        for (starts, from) in [("measured", StartsAt::Measured), ("true", StartsAt::True)] {
-            let errors = true_errors(rig, &test, (experiment.windows, steps), from)?;
+        for (starts, errors) in ["measured", "true"].into_iter().zip(of_truth) {
             rows.push((
                 "true".to_owned(),
                 "the true model".to_owned(),
@@ -273,14 +277,6 @@ impl Exam<'_> {
 /// Where a model is, in the folder of a rig and a seed.
 pub(super) fn folder_of(contestant: Contestant, lesson: Lesson) -> String {
     format!("{}-{}", contestant.folder(), lesson.name())
-}
-
-/// The rig with a hand that does not swing the pole.
-fn with_the_pole_let_alone(rig: &PaperRig) -> PaperRig {
-    let mut rig = rig.clone();
-    rig.settings.swing.calm_share = 1.0;
-    rig.settings.swing.wild_share = 0.0;
-    rig
 }
 
 /// Means and ranges of the rows, which are the same for each seed but for their errors.

@@ -29,6 +29,8 @@ pub mod operator;
 mod recording;
 mod report;
 mod rig;
+mod rotary;
+mod stand;
 pub mod table;
 mod windows;
 
@@ -38,6 +40,7 @@ pub use experiment::{Errors, Experiment, Lesson, Outcome, Row, Table};
 pub use recording::{Recording, Truth};
 pub use report::report;
 pub use rig::{Friction, PaperRig, Start};
+pub use stand::Known;
 pub use windows::{StartsAt, true_errors};
 
 use crate::config::ConfigError;

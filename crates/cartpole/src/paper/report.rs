@@ -34,8 +34,8 @@ pub fn report(experiment: &Experiment, outcome: &Outcome, out: &Path) -> Result<
     let seed = experiment.seeds.first().copied().unwrap_or_default();
     for table in &outcome.tables {
         if table.learnt_from == Lesson::All {
-            let folder = Experiment::folder(out, table.friction, seed);
-            sections.push(figures(outcome, table.friction, &folder)?);
+            let folder = Experiment::folder(out, table.rig, seed);
+            sections.push(figures(outcome, table, &folder)?);
         }
     }
     let sheet = Sheet {
@@ -65,17 +65,17 @@ fn heading(outcome: &Outcome) -> String {
         let ours = row(table, Contestant::Ours.folder(), "past")?;
         let share = |signal: usize| 100.0 * ours.mean[signal] / published.mean[signal];
         Some(format!(
-            "{:.0}, {:.0}, {:.0} and {:.0} % with {} friction",
+            "{:.0}, {:.0}, {:.0} and {:.0} % ({})",
             share(0),
             share(1),
             share(2),
             share(3),
-            table.friction
+            table.title
         ))
     };
     let shares: Vec<String> = all.filter_map(of).collect();
     format!(
-        "Delay, frictions and a network beside them, started from the state that the model finds in the past: the errors of x, φ, ẋ and φ̇ over {} s are {} of those of PINODE as published",
+        "Delay, frictions and a network beside them, started from the state that the model finds in the past: the errors of both coordinates and their rates over {} s are {} of those of PINODE as published",
         outcome.horizon_s,
         shares.join(", ")
     )
@@ -108,13 +108,9 @@ fn tables(outcome: &Outcome) -> Section {
                 .collect(),
             chosen: row.model == Contestant::Ours.folder() && row.starts == "past",
         };
-        let heads = ["model", "starts"].into_iter().chain(outcome.signals);
+        let heads = ["model", "starts"].into_iter().chain(table.signals);
         section.tables.push(Grid {
-            heading: format!(
-                "{} friction, learnt from {}",
-                table.friction,
-                table.learnt_from.title()
-            ),
+            heading: format!("{}, learnt from {}", table.title, table.learnt_from.title()),
             texts: 2,
             columns: heads.map(str::to_owned).collect(),
             rows: table.rows.iter().map(of).collect(),
@@ -124,8 +120,8 @@ fn tables(outcome: &Outcome) -> Section {
 }
 
 /// Roll-outs and histograms of a rig.
-fn figures(outcome: &Outcome, friction: &str, folder: &Path) -> Result<Section, Error> {
-    let mut section = Section::new(&format!("Roll-outs and errors with {friction} friction"));
+fn figures(outcome: &Outcome, table: &Table, folder: &Path) -> Result<Section, Error> {
+    let mut section = Section::new(&format!("Roll-outs and errors: {}", table.title));
     let mut rolled: Vec<(&'static str, Style, Vec<RollOut>)> = Vec::new();
     let mut missed: Vec<(&'static str, Style, Vec<Vec<f64>>)> = Vec::new();
     for (contestant, style, initial) in DRAWN {
@@ -157,7 +153,7 @@ fn figures(outcome: &Outcome, friction: &str, folder: &Path) -> Result<Section, 
         outcome.horizon_s
     ));
     for window in 1..ROLL_OUTS {
-        for (signal, name) in outcome.signals.iter().enumerate() {
+        for (signal, name) in table.signals.iter().enumerate() {
             let of = |(_, _, all): &(&str, Style, Vec<RollOut>)| all.get(window).cloned();
             let Some(measured) = rolled.first().and_then(of) else {
                 continue;
@@ -183,14 +179,14 @@ fn figures(outcome: &Outcome, friction: &str, folder: &Path) -> Result<Section, 
                     });
                 }
             }
-            let id = format!("{friction}-run-{window}-{signal}");
+            let id = format!("{}-run-{window}-{signal}", table.rig);
             let title = format!("{name}, roll-out {window}");
             section
                 .figures
                 .push(curves(&title, ["t, s", name], &drawn, &id));
         }
     }
-    for (signal, name) in outcome.signals.iter().enumerate() {
+    for (signal, name) in table.signals.iter().enumerate() {
         let named: Vec<(String, Style, &[f64])> = missed
             .iter()
             .filter_map(|(title, style, lists)| {
@@ -206,7 +202,7 @@ fn figures(outcome: &Outcome, friction: &str, folder: &Path) -> Result<Section, 
             .iter()
             .map(|(name, style, list)| (name.as_str(), *style, *list))
             .collect();
-        let id = format!("{friction}-errors-{signal}");
+        let id = format!("{}-errors-{signal}", table.rig);
         let title = format!("errors of {name}");
         section.figures.push(histograms(&title, name, &lists, &id));
     }

@@ -26,16 +26,14 @@ pub fn true_errors(
     from: StartsAt,
 ) -> Result<[f64; 4], Error> {
     let log = &recording.log;
-    let (first, rows) = (rig.past(), log.len());
-    if rows <= first + steps || windows == 0 || steps == 0 {
-        return Err(Error::Short {
-            rows,
-            needed: first + steps + 1,
-        });
-    }
-    let mut sums = [0.0; 4];
-    for window in 0..windows {
-        let k = first + window * (rows - steps - first) / windows;
+    let (past, rate) = (rig.past(), rig.settings.rate);
+    let measured = Measured {
+        q: log.q.each_ref().map(Vec::as_slice),
+        v: log.v.each_ref().map(Vec::as_slice),
+        wraps: [false, true],
+        interval: 1.0 / rate,
+    };
+    mean_errors(&measured, past, (windows, steps), |k| {
         let start = match from {
             StartsAt::Measured => Start {
                 state: State {
@@ -49,23 +47,52 @@ pub fn true_errors(
                 motor: Some(recording.truth.motor[k]),
             },
         };
-        let run = rig.true_run(&start, &log.u[k - first..k], &log.u[k..k + steps])?;
-        let rate = rig.settings.rate;
-        for (i, pair) in run.windows(2).enumerate() {
-            let [State { q: before, .. }, State { q, .. }] = pair else {
+        let run = rig.true_run(&start, &log.u[k - past..k], &log.u[k..k + steps])?;
+        Ok(run.iter().map(|state| state.q).collect())
+    })
+}
+
+/// What was measured of two coordinates, by row.
+pub(super) struct Measured<'a> {
+    pub q: [&'a [f64]; 2],
+    /// Backward differences.
+    pub v: [&'a [f64]; 2],
+    /// Whether differences are taken on the circle.
+    pub wraps: [bool; 2],
+    /// s.
+    pub interval: f64,
+}
+
+/// The mean absolute errors of q, then of backward differences of it, over roll-outs that begin at rows evenly spread, not before row `first`. `run` has the
+/// positions at the row with its number and at the `steps` rows after it.
+pub(super) fn mean_errors(
+    measured: &Measured<'_>,
+    first: usize,
+    (windows, steps): (usize, usize),
+    mut run: impl FnMut(usize) -> Result<Vec<[f64; 2]>, Error>,
+) -> Result<[f64; 4], Error> {
+    let rows = measured.q[0].len();
+    if rows <= first + steps || windows == 0 || steps == 0 {
+        return Err(Error::Short {
+            rows,
+            needed: first + steps + 1,
+        });
+    }
+    let mut sums = [0.0; 4];
+    for window in 0..windows {
+        let k = first + window * (rows - steps - first) / windows;
+        for (i, pair) in run(k)?.windows(2).enumerate() {
+            let [before, q] = pair else {
                 continue;
             };
             let row = k + i + 1;
-            let turn = q[1] - log.q[1][row];
-            let angle = turn - std::f64::consts::TAU * (turn / std::f64::consts::TAU).round();
-            let errors = [
-                q[0] - log.q[0][row],
-                angle,
-                (q[0] - before[0]) * rate - log.v[0][row],
-                (q[1] - before[1]) * rate - log.v[1][row],
-            ];
-            for (sum, error) in sums.iter_mut().zip(errors) {
-                *sum += error.abs();
+            for c in 0..2 {
+                let off = q[c] - measured.q[c][row];
+                let turns = (off / std::f64::consts::TAU).round();
+                let circle = f64::from(u8::from(measured.wraps[c])) * std::f64::consts::TAU;
+                let rate = (q[c] - before[c]) / measured.interval;
+                sums[c] += (off - circle * turns).abs();
+                sums[2 + c] += (rate - measured.v[c][row]).abs();
             }
         }
     }

@@ -6,7 +6,7 @@ use std::path::Path;
 use pinode_nn::cli::Output;
 
 use super::Error;
-use crate::paper::{Experiment, Outcome, PaperRig, report, table};
+use crate::paper::{Experiment, Lesson, Outcome, report, table};
 
 /// Of each seed s the recordings have the seeds 2 s and 2 s + 1.
 const LAST_SEED: u64 = u64::MAX / 2;
@@ -23,7 +23,7 @@ pub(super) struct Arguments {
     /// At most so many epochs [default: each model's own]
     #[arg(long, value_name = "N")]
     epochs: Option<usize>,
-    /// Leave out what is learnt from less and from other data
+    /// Leave out what is learnt from less and from other data, and the second mechanism
     #[arg(long)]
     no_outlook: bool,
 }
@@ -36,16 +36,18 @@ pub(super) fn run(
     output: &Output,
 ) -> Result<(), Error> {
     let seeds = seeds(first_seed.unwrap_or(1), arguments.seeds)?;
-    let rig = PaperRig::read(&models.join("paper.toml"))?;
     let experiment = Experiment {
         samples: [arguments.samples, table::TEST_SAMPLES],
         seeds,
         epochs: arguments.epochs,
-        outlook: !arguments.no_outlook,
+        outlook: match arguments.no_outlook {
+            true => Vec::new(),
+            false => Lesson::OTHERS.to_vec(),
+        },
+        second: !arguments.no_outlook,
         windows: 1000,
     };
-    let known = models.join("paper_known.toml");
-    let outcome = experiment.run(&rig, &known, out, &mut |what| output.note(what))?;
+    let outcome = experiment.run(models, out, &mut |what| output.note(what))?;
     let page = report(&experiment, &outcome, out)?;
     output.note(&format!("written: {}", page.display()));
     output.result(&outcome, &text(&outcome))?;
@@ -78,12 +80,12 @@ fn text(outcome: &Outcome) -> String {
         // Writing to a String cannot fail.
         let _ = writeln!(
             out,
-            "\n{} friction, learnt from {}",
-            table.friction,
+            "\n{}, learnt from {}",
+            table.title,
             table.learnt_from.title()
         );
         let _ = write!(out, "{:44}{:10}", "model", "starts");
-        for signal in outcome.signals {
+        for signal in table.signals {
             let _ = write!(out, "{signal:>24}");
         }
         out.push('\n');

@@ -245,13 +245,13 @@ impl Case {
         let (log, fresh) = (dir.join("log.csv"), dir.join("fresh.csv"));
         let duration = self.duration.map_or(JOINTS_DURATION, f64::from);
         bench
-            .run(&fault, self.noise, duration, self.seed)?
+            .run(fault.as_slice(), self.noise, duration, self.seed)?
             .write_csv(&log)?;
         let other = self.seed.wrapping_add(FRESH);
         bench
-            .run(&fault, self.noise, FRESH_DURATION, other)?
+            .run(fault.as_slice(), self.noise, FRESH_DURATION, other)?
             .write_csv(&fresh)?;
-        let model = bench.known_model(&fault, &dir.join("user"))?;
+        let model = bench.known_model(fault.as_slice(), &dir.join("user"))?;
         let hidden = fault.iter().map(|fault| Truth {
             kind: fault.kind.to_owned(),
             target: bench.target_name(fault).to_owned(),
