@@ -72,14 +72,7 @@ pub(crate) fn states_by_the_past(
             states.push(guesses[run][first + firsts[run]].clone());
         }
     }
-    // What effects with a memory remember is theirs: the fit leaves it.
-    let hidden_of = |state: &Vec<f64>| state[hybrid.nx() - hybrid.nh()..].to_vec();
-    let kept = |h: &f64| 1e-6 * h.abs() + 1e-12;
-    let means: Vec<Vec<f64>> = states.iter().map(hidden_of).collect();
-    let hidden = HiddenPrior {
-        spreads: means.iter().map(|h| h.iter().map(kept).collect()).collect(),
-        means,
-    };
+    let hidden = HiddenPrior::kept(&states, hybrid.nx() - hybrid.nh());
     let windows: Vec<Window> = asked.iter().map(|(_, window)| *window).collect();
     let interval = observations.runs.iter().flat_map(|run| run.t.windows(2));
     let longest = interval.map(|t| t[1] - t[0]).fold(0.0, f64::max);

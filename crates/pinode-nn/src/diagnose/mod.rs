@@ -31,6 +31,7 @@ mod pushes;
 mod refine;
 mod regions;
 mod remainder;
+pub(crate) mod scales;
 mod score;
 mod screen;
 mod search;

@@ -9,7 +9,7 @@ use super::score::{Paired, paired, samples_per_window};
 use super::setup::FEWEST_WINDOWS;
 use super::smooth::Smoothed;
 use crate::effect::{Kind, Scales};
-use crate::hybrid::{HiddenPath, Hybrid, Placed, Reading};
+use crate::hybrid::{HiddenPath, Hybrid, Placed, behind};
 use crate::shooting::{Fit, FitOptions, HiddenPrior, Observations, Window, Windows, fit};
 
 /// At most so many integration steps per sample.
@@ -399,16 +399,6 @@ impl Study {
 /// Whether it is the same kind on the same target.
 fn is_same(one: &Placed, other: &Placed) -> bool {
     one.kind == other.kind && one.target == other.target
-}
-
-/// The state (q, v) behind what its sensors read.
-fn behind(readings: &[Reading], mut state: Vec<f64>) -> Vec<f64> {
-    let n = readings.len();
-    for (c, reading) in readings.iter().enumerate() {
-        state[c] = reading.position_of(state[c], state[n + c]);
-        state[n + c] /= reading.factor;
-    }
-    state
 }
 
 /// Initial states (q, v, h) for `hybrid` from those of a model with the effects `before`: what is new of h is taken from `known`.

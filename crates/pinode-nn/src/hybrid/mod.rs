@@ -38,6 +38,7 @@ pub(crate) use eight::{Eight, EightMemory, Lane};
 pub use hidden::HiddenPath;
 pub use jumps::HeldInputs;
 pub use motion::HybridMotion;
+pub(crate) use reading::behind;
 pub use reading::{Predicted, Reading};
 
 use extra::{Extra, Variants};

@@ -80,6 +80,16 @@ impl Hybrid {
     }
 }
 
+/// The state (q, v) behind what its sensors read.
+pub(crate) fn behind(readings: &[Reading], mut state: Vec<f64>) -> Vec<f64> {
+    let n = readings.len();
+    for (c, reading) in readings.iter().enumerate() {
+        state[c] = reading.position_of(state[c], state[n + c]);
+        state[n + c] /= reading.factor;
+    }
+    state
+}
+
 impl Reading {
     /// What is read at sample `k` of a roll-out: `q` and `v` are the places of position and velocity in its states of `nx` numbers
     /// each, `t` its times. Between samples a cubic through positions and velocities; before the first sample, the acceleration of

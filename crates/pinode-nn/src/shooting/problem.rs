@@ -41,6 +41,16 @@ impl HiddenPrior {
         }
     }
 
+    /// Nothing of what effects with a memory remember is fitted: it stays as it is in these states, of which the first `visible` entries are q and v.
+    pub(crate) fn kept(states: &[Vec<f64>], visible: usize) -> Self {
+        let width = |h: &f64| 1e-6 * h.abs() + 1e-12;
+        let hidden = states.iter().map(|state| &state[visible..]);
+        HiddenPrior {
+            means: hidden.clone().map(<[f64]>::to_vec).collect(),
+            spreads: hidden.map(|h| h.iter().map(width).collect()).collect(),
+        }
+    }
+
     /// (entry of h, 1/spread, (mean − h)/spread) for a window with these h.
     fn of<'a>(
         &'a self,

@@ -134,6 +134,7 @@ impl<T: Real> Session<'_, T> {
         let side = |name: &str, side: &Side| -> Result<Side, Error> {
             Ok(Side {
                 windows: side.windows.clone(),
+                visible: side.visible,
                 starts: rows(&format!("starts.{name}"), &side.starts)?,
                 trust: rows(&format!("trust.{name}"), &side.trust)?,
             })
@@ -142,7 +143,6 @@ impl<T: Real> Session<'_, T> {
         let constants = self.recordings.theta.len();
         let theta = numbers("theta", constants)?;
         self.best_theta = numbers("best.theta", constants)?;
-        self.recordings.set_theta(theta);
         (self.adam.mean, self.adam.square) = (mean, square);
         (self.adam.steps, self.adam.usual) = (words.steps, words.usual);
         self.best.parameters_mut().copy_from_slice(&best);
@@ -152,6 +152,7 @@ impl<T: Real> Session<'_, T> {
             .copy_from_slice(&network);
         self.recordings.seen = seen;
         self.recordings.held_out = held_out;
+        self.recordings.set_theta(theta);
         self.history = words.history;
         Ok(())
     }

@@ -10,9 +10,11 @@ use super::windows::{RunName, border, one_interval, run_names};
 use super::{Options, Start};
 use crate::Error;
 use crate::diagnose::audit::{Masked, audit};
+use crate::diagnose::scales::scales;
 use crate::diagnose::smooth::{Smoothed, smooth};
+use crate::effect::Scales;
 use crate::entries::{refuse_poses, starts};
-use crate::hybrid::{ConstantId, DrivenInputs, Hybrid};
+use crate::hybrid::{DrivenInputs, HiddenPath, Hybrid, Reading};
 use crate::learnt::{Feature, Output, Quantity};
 use crate::log::{Log, typical_interval};
 use crate::model::Model;
@@ -53,8 +55,14 @@ pub(crate) struct Recordings {
     /// The recordings that have no window, and why.
     pub left_out: Vec<String>,
     pub(super) masked: Masked,
-    targets: Vec<Target>,
-    smoothed: Vec<Smoothed>,
+    pub(super) targets: Vec<Target>,
+    /// The readings, smoothed.
+    pub(super) smoothed: Vec<Smoothed>,
+    pub(super) scales: Vec<Scales>,
+    /// What the sensors do, one a coordinate.
+    pub(super) readings: Vec<Reading>,
+    /// Where the recordings take the effects with a memory.
+    pub(super) paths: Vec<HiddenPath>,
     /// Those that are learnt from, and those that tell when to stop.
     pub seen: Side,
     pub held_out: Side,
@@ -65,6 +73,8 @@ pub(crate) struct Recordings {
 pub(crate) struct Side {
     pub windows: Vec<Window>,
     pub starts: Vec<Vec<f64>>,
+    /// So many entries of a start are q and v, which are fitted; the others are h.
+    pub visible: usize,
     /// Of each start: how far its window was from the measurements, the damping of its next step, and the start before.
     pub trust: Vec<Vec<f64>>,
 }
@@ -82,11 +92,6 @@ impl Recordings {
         let mut all = logs.iter().chain(held_out);
         all.try_for_each(|log| log.check(model))?;
         let hybrid = Hybrid::explicit(model);
-        if hybrid.nh() > 0 {
-            return Err(Error::NotTrainable {
-                what: "an effect with states of its own (a friction with a memory, a backlash, an elastic transmission)",
-            });
-        }
         if hybrid.mechanics().constraints().is_some() {
             return Err(Error::NotTrainable {
                 what: "a closed loop or another constraint",
@@ -121,14 +126,11 @@ impl Recordings {
         let substeps = substeps as usize;
         let mut recordings = Recordings {
             loss: loss(&hybrid, &observations, options),
-            targets: targets(
-                model,
-                logs,
-                held_out,
-                (&observations, &audited.firsts),
-                options,
-            ),
+            targets: targets(logs, held_out, (&observations, &audited.firsts), options),
+            scales: scales(&hybrid, &smoothed, &observations),
             inputs: Vec::new(),
+            readings: Vec::new(),
+            paths: Vec::new(),
             hybrid,
             given: theta.clone(),
             theta,
@@ -144,7 +146,9 @@ impl Recordings {
             held_out: Side::empty(),
             observations,
         };
+        recordings.refine_for_memory()?;
         recordings.drive_with(&recordings.theta.clone(), &recordings.hybrid.free());
+        recordings.look_behind_sensors();
         let horizon = recordings.horizon;
         [recordings.seen.windows, _] = recordings.cut(horizon, horizon.div_ceil(OVERLAP));
         [_, recordings.held_out.windows] = recordings.cut(horizon, horizon);
@@ -165,8 +169,11 @@ impl Recordings {
         }
         recordings.left_out = recordings.without_window(&names);
         recordings.check_room(options)?;
-        recordings.seen.starts = recordings.measured(&recordings.seen.windows, options);
-        recordings.held_out.starts = recordings.measured(&recordings.held_out.windows, options);
+        let first = |side: &Side| recordings.first_states(&side.windows, &options.start);
+        let (seen, held_out) = (first(&recordings.seen), first(&recordings.held_out));
+        (recordings.seen.starts, recordings.held_out.starts) = (seen, held_out);
+        let visible = recordings.hybrid.nx() - recordings.hybrid.nh();
+        (recordings.seen.visible, recordings.held_out.visible) = (visible, visible);
         if options.physics {
             match options.start {
                 Start::Measured { .. } => recordings.fit_from_starts()?,
@@ -193,46 +200,13 @@ impl Recordings {
         self.inputs = runs.iter().map(drive).collect();
     }
 
-    /// The states at the beginning of windows: measured, or smoothed.
-    fn measured(&self, windows: &[Window], options: &Options) -> Vec<Vec<f64>> {
-        if options.start == Start::Fitted {
-            return self.smoothed_states(windows);
-        }
-        let of = |window: &Window| {
-            let target = &self.targets[window.run];
-            let smoothed = self.smoothed[window.run].state(window.first);
-            let n = target.q.len();
-            let mut state: Vec<f64> = target.q.iter().map(|q| q[window.first]).collect();
-            let v = target.v.iter().enumerate();
-            state.extend(v.map(|(c, v)| match v.get(window.first) {
-                Some(&v) => v,
-                None => smoothed[n + c],
-            }));
-            state
-        };
-        windows.iter().map(of).collect()
-    }
-
-    /// The constants as they were fitted; what was measured is behind the zeros that are among them.
+    /// The constants as they were fitted, and what follows from them.
     pub(super) fn set_theta(&mut self, theta: Vec<f64>) {
-        for (index, constant) in self.hybrid.constants().iter().enumerate() {
-            if let ConstantId::Zero(c) = constant.id {
-                for Target { read, q, .. } in &mut self.targets {
-                    for (q, read) in q[c].iter_mut().zip(&read[c]) {
-                        *q = read - theta[index];
-                    }
-                }
-            }
-        }
         self.theta = theta;
         self.hybrid.set_theta(&self.theta);
         self.drive_with(&self.theta.clone(), &[]);
-    }
-
-    /// Smoothed states at the beginning of windows.
-    pub(super) fn smoothed_states(&self, windows: &[Window]) -> Vec<Vec<f64>> {
-        let of = |window: &Window| self.smoothed[window.run].state(window.first);
-        windows.iter().map(of).collect()
+        self.look_behind_sensors();
+        self.remember();
     }
 
     /// The standard deviations that fits begin with, one a channel.
@@ -259,7 +233,7 @@ impl Recordings {
         let samples: BTreeSet<(usize, usize)> = samples.collect(); // windows overlap
         let starts = starts(self.hybrid.mechanics().coordinates());
         let of = |(run, k): (usize, usize)| -> Vec<f64> {
-            let (state, inputs) = (self.smoothed[run].state(k), &self.inputs[run]);
+            let (state, inputs) = (self.state(run, k), &self.inputs[run]);
             let value = |f: &Feature| {
                 f.quantity
                     .value(&state, k, &starts, self.hybrid.nq(), inputs)
@@ -275,10 +249,10 @@ impl Recordings {
         let nq = self.hybrid.nq();
         // The last sample has no step of its own.
         let samples = |smoothed: &Smoothed| 0..smoothed.q.first().map_or(0, Vec::len).max(1) - 1;
-        let runs = || self.smoothed.iter().zip(&self.inputs);
-        let states: Vec<(Vec<f64>, usize, &DrivenInputs)> = runs()
-            .flat_map(|(smoothed, inputs)| {
-                samples(smoothed).map(move |k| (smoothed.state(k), k, inputs))
+        let runs = self.smoothed.iter().zip(&self.inputs).enumerate();
+        let states: Vec<(Vec<f64>, usize, &DrivenInputs)> = runs
+            .flat_map(|(run, (smoothed, inputs))| {
+                samples(smoothed).map(move |k| (self.state(run, k), k, inputs))
             })
             .collect();
         let of = |&quantity: &Quantity| {
@@ -297,10 +271,10 @@ impl Recordings {
         let mut memory = hybrid.memory(&[]);
         let mut mass = nalgebra::DMatrix::zeros(n, n);
         let mut missing: Vec<Vec<f64>> = vec![Vec::new(); n];
-        for (smoothed, inputs) in self.smoothed.iter().zip(&self.inputs) {
+        for (run, (smoothed, inputs)) in self.smoothed.iter().zip(&self.inputs).enumerate() {
             let samples = smoothed.q.first().map_or(0, Vec::len);
             for k in 0..samples.saturating_sub(1) {
-                let x = smoothed.state(k);
+                let x = self.state(run, k);
                 let state = hybrid.parts(&x);
                 let step = self.substeps * k;
                 if hybrid
@@ -342,6 +316,7 @@ impl Side {
         Side {
             windows: Vec::new(),
             starts: Vec::new(),
+            visible: 0,
             trust: Vec::new(),
         }
     }
@@ -381,36 +356,37 @@ fn loss(hybrid: &Hybrid, observations: &Observations, options: &Options) -> Loss
     Loss::new(coordinates, &starts, hybrid.nq(), &weights, first, far)
 }
 
-/// The measurements behind the zeros of the sensors. The paper's loss takes velocities as the log has them, differences among them.
+/// The measurements. The paper's loss takes velocities as the log has them, differences among them.
 fn targets(
-    model: &Model,
     logs: &[Log],
     held_out: &[Log],
     (observations, firsts): (&Observations, &[usize]),
     options: &Options,
 ) -> Vec<Target> {
     let runs = logs.iter().chain(held_out).flat_map(|log| &log.runs);
-    let n = model.sensors.len();
     runs.zip(&observations.runs)
         .zip(firsts)
         .map(|((run, observed), &first)| {
             let read: Vec<Vec<f64>> = run.q.iter().map(|q| q[first..].to_vec()).collect();
-            let zeroed = |c: usize| read[c].iter().map(|q| q - model.sensors[c].zero).collect();
             let rows = run.len() - first;
             let column =
                 |v: &Option<Vec<f64>>| v.as_ref().map_or(Vec::new(), |v| v[first..].to_vec());
             let v: Vec<Vec<f64>> = run.v.iter().map(column).collect();
             let all = |column: &Vec<f64>| vec![!column.is_empty(); rows];
             let paper = options.start != Start::Fitted;
-            let mut valid = [vec![vec![true; rows]; n], v.iter().map(all).collect()];
+            let mut valid = [
+                vec![vec![true; rows]; read.len()],
+                v.iter().map(all).collect(),
+            ];
             if !paper {
                 for (channel, own) in observations.channels.iter().zip(&observed.valid) {
                     valid[usize::from(channel.velocity)][channel.coordinate].clone_from(own);
                 }
             }
             Target {
-                q: (0..n).map(zeroed).collect(),
+                q: read.clone(),
                 read,
+                read_v: v.clone(),
                 v,
                 valid,
             }

@@ -8,14 +8,16 @@ use crate::learnt::SinCos;
 use crate::network::Processor;
 use crate::shooting::wrap_angle;
 
-/// What was measured in one recording, behind the zeros of the sensors.
+/// What was measured in one recording.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Target {
     /// Positions as they were read, one column a coordinate, m or rad.
     pub read: Vec<Vec<f64>>,
-    /// The same behind the zeros.
+    /// Velocities as they were read, one column a coordinate, m/s or rad/s; empty where there is none.
+    pub read_v: Vec<Vec<f64>>,
+    /// What is behind these readings.
     pub q: Vec<Vec<f64>>,
-    /// Velocities, one column a coordinate, m/s or rad/s; empty where there is none.
+    /// The same of the velocities.
     pub v: Vec<Vec<f64>>,
     /// Which positions and which velocities count: the others are no readings of what they stand for.
     pub valid: [Vec<Vec<bool>>; 2],

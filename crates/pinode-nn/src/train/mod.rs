@@ -32,6 +32,7 @@ mod session;
 #[cfg(test)]
 mod session_tests;
 mod starts;
+mod states;
 mod tangents;
 #[cfg(test)]
 mod tests;

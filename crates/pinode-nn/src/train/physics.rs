@@ -6,7 +6,7 @@ use super::data::{OVERLAP, Recordings};
 use crate::Error;
 use crate::hybrid::Hybrid;
 use crate::learnt::LearntForce;
-use crate::shooting::{FitOptions, HiddenPrior, Roller, Trajectory, Window, fit};
+use crate::shooting::{FitOptions, Roller, Trajectory, Window, fit};
 
 /// Windows with free starts have at least so many sample intervals: what a shorter one tells of θ is lost in its start.
 const SHORTEST: usize = 20;
@@ -23,7 +23,7 @@ impl Recordings {
     pub fn fit_from_free_states(&mut self) {
         let length = self.horizon.max(SHORTEST);
         let [windows, _] = self.cut(length, length);
-        let states = self.smoothed_states(&windows);
+        let states = self.states(&windows);
         self.fit_constants(
             &self.hybrid.clone(),
             &windows,
@@ -66,7 +66,7 @@ impl Recordings {
             self.theta.clone(),
             states,
             self.noise(),
-            &HiddenPrior::none(windows.len()),
+            &self.hidden_prior(windows),
             &FitOptions {
                 substeps: self.substeps,
                 iterations: steps[1],

@@ -1,7 +1,8 @@
 //! The states that windows start from, where they are fitted: what the network gains is to be its own, not that of a start that fits an older one.
 //!
 //! For given weights the loss J of a window has its least over the start x₀ at some x₀(W), and there dJ(W, x₀(W))/dW = ∂J/∂W. So the starts
-//! follow the weights: whenever a window is seen, it makes a step of Levenberg and Marquardt, x₀ ← x₀ − (H + μ diag H)⁻¹ ∂J/∂x₀.
+//! follow the weights: whenever a window is seen, it makes a step of Levenberg and Marquardt, x₀ ← x₀ − (H + μ diag H)⁻¹ ∂J/∂x₀. What effects with a
+//! memory remember there is where the recording takes them: free, it would explain forces that are not there.
 
 use super::adjoint::{CHUNK, Chunk};
 use super::data::{Recordings, Side};
@@ -38,7 +39,7 @@ impl Recordings {
             self.theta.clone(),
             side.starts.clone(),
             self.noise(),
-            &HiddenPrior::none(side.windows.len()),
+            &HiddenPrior::kept(&side.starts, side.visible),
             &FitOptions {
                 substeps: self.substeps,
                 iterations: 0,
@@ -48,6 +49,7 @@ impl Recordings {
         let mut side = Side {
             windows: side.windows.clone(),
             starts: fitted.states,
+            visible: side.visible,
             trust: Vec::new(),
         };
         side.trust_all();
@@ -74,7 +76,10 @@ impl Side {
         chunk: &mut Chunk<T>,
         k: usize,
     ) {
-        let (start, trust) = (&mut self.starts[index], &mut self.trust[index]);
+        let (start, trust) = (
+            &mut self.starts[index][..self.visible],
+            &mut self.trust[index],
+        );
         let (known, before) = trust.split_at_mut(2);
         let [distance, damping] = [known[0], known[1]];
         let factor = chunk.factor(k);
@@ -118,7 +123,7 @@ impl Side {
 
     /// Nothing is known of the steps before.
     pub(super) fn trust_all(&mut self) {
-        let of = |start: &Vec<f64>| [&[FARTHEST, LEAST], start.as_slice()].concat();
+        let of = |start: &Vec<f64>| [&[FARTHEST, LEAST], &start[..self.visible]].concat();
         self.trust = self.starts.iter().map(of).collect();
     }
 }

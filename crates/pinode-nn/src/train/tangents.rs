@@ -197,7 +197,8 @@ impl<T: Real> Chunk<T> {
     }
 
     /// Levenberg and Marquardt's step of the start of one of the windows, −(H + μ diag H)⁻¹ ∂S/∂x₀, S its sum and μ its `damping`, added to `start`;
-    /// after [`curve`](Self::curve) and [`backward`](Self::backward). H is used up. A window without a motion to its end stays.
+    /// after [`curve`](Self::curve) and [`backward`](Self::backward). H is used up. A window without a motion to its end stays, and so do entries of the
+    /// state beyond those of `start`.
     pub fn move_start(&mut self, window: usize, damping: f64, start: &mut [f64]) {
         let (nx, group, lane) = (self.nx, window / LANES, window % LANES);
         let factor = self.factor(window);
@@ -205,10 +206,11 @@ impl<T: Real> Chunk<T> {
             return;
         }
         let h = &mut self.tangents.curvature[group * nx * nx..][..nx * nx];
-        let step = &mut self.by_start[window * nx..][..nx];
+        let n = start.len();
+        let step = &mut self.by_start[window * nx..][..n];
         step.iter_mut().for_each(|step| *step /= -factor);
         // H + μ diag H = L Lᵀ, L below the diagonal of H.
-        for j in 0..nx {
+        for j in 0..n {
             let diagonal = h[j * nx + j][lane];
             let mut pivot = diagonal * (1.0 + damping);
             for k in 0..j {
@@ -217,7 +219,7 @@ impl<T: Real> Chunk<T> {
             let none = !(pivot > NO_PIVOT * diagonal && pivot.is_finite());
             let root = if none { f64::INFINITY } else { pivot.sqrt() };
             h[j * nx + j][lane] = root;
-            for i in j + 1..nx {
+            for i in j + 1..n {
                 let mut entry = h[j * nx + i][lane];
                 for k in 0..j {
                     entry -= h[k * nx + i][lane] * h[k * nx + j][lane];
@@ -225,12 +227,12 @@ impl<T: Real> Chunk<T> {
                 h[j * nx + i][lane] = entry / root;
             }
         }
-        for i in 0..nx {
+        for i in 0..n {
             let known: f64 = (0..i).map(|k| h[k * nx + i][lane] * step[k]).sum();
             step[i] = (step[i] - known) / h[i * nx + i][lane];
         }
-        for i in (0..nx).rev() {
-            let known: f64 = (i + 1..nx).map(|k| h[i * nx + k][lane] * step[k]).sum();
+        for i in (0..n).rev() {
+            let known: f64 = (i + 1..n).map(|k| h[i * nx + k][lane] * step[k]).sum();
             step[i] = (step[i] - known) / h[i * nx + i][lane];
         }
         if step.iter().all(|step| step.is_finite()) {

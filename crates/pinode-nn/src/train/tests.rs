@@ -88,11 +88,16 @@ impl Case {
         let target = Target {
             read: q.clone(),
             q,
+            read_v: Vec::new(),
             v: columns(n, 2.0),
             valid: [vec![vec![true; rows]; n], vec![vec![true; rows]; n]],
         };
         let starts: Vec<Vec<f64>> = (0..CHUNK - 5)
-            .map(|_| (0..2 * n).map(|_| number(1.0)).collect())
+            .map(|_| {
+                let visible = (0..2 * n).map(|_| 1.0);
+                let sizes = visible.chain((0..hybrid.nh()).map(|_| 0.01));
+                sizes.map(&mut number).collect()
+            })
             .collect();
         let theta = hybrid.theta();
         let free = hybrid.free();
@@ -191,6 +196,21 @@ impl Case {
     }
 }
 
+/// An elastic string to the cart, and friction of the pole that winds up.
+const MEMORIES: &str = "
+[[effect]]
+kind = 'elastic_transmission'
+input = 'motor'
+stiffness = 300.0
+damping = 2.0
+motor_inertia = 0.07
+[[effect]]
+kind = 'dahl_friction'
+joint = 'pole'
+stiffness = 0.4
+coulomb_force = 0.02
+";
+
 fn cases() -> Vec<(&'static str, Case)> {
     let friction = |joint: &str| {
         format!(
@@ -217,6 +237,10 @@ fn cases() -> Vec<(&'static str, Case)> {
         (
             "Furuta's pendulum",
             Case::new("furuta_pendulum/furuta_pendulum.toml", "", &[0], 0.02, 3),
+        ),
+        (
+            "cart-pole with memories",
+            Case::new("cartpole/cartpole.toml", MEMORIES, &[0, 1], 2e-3, 7),
         ),
         // Its friction asks for short steps.
         ("arm", Case::new("arm7/arm7.toml", "", &[1, 4], 1e-4, 4)),
