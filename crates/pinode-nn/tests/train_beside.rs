@@ -139,3 +139,38 @@ fn a_network_learns_the_friction_behind_a_sensor_that_is_late_and_long() {
     let (missed, loss) = rig.missed("", 40);
     assert!(missed > 0.2 && loss > 10.0, "{missed} N, {loss}");
 }
+
+#[test]
+fn a_memory_that_is_too_fast_is_refused_with_a_cure() {
+    let lugre = |stiffness: &str| {
+        format!(
+            "[[effect]]\nkind = 'lugre_friction'\njoint = 'x'\nstiffness = {stiffness}\ndamping = 100.0\ncoulomb_force = 1.0\nstatic_force = 1.5\n\
+             stribeck_velocity = 0.1\n"
+        )
+    };
+    let refused = |stiffness: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.csv");
+        std::fs::write(&path, PLAIN.log(20.0)).unwrap();
+        let text = MODEL.to_owned() + &lugre(stiffness);
+        let model = Model::parse(&folder.path().join("sledge.toml"), text).unwrap();
+        let training = Training {
+            model: &model,
+            logs: &[Log::read(&path, &model).unwrap()],
+            held_out: &[],
+        };
+        train(&training, &Options::new(vec![0]), None, &mut |_| Ok(()))
+            .unwrap_err()
+            .to_string()
+    };
+    let fast = refused("3e3");
+    assert!(
+        fast.contains("give --step") && fast.contains("pinode diagnose"),
+        "{fast}"
+    );
+    let too_fast = refused("1e7");
+    assert!(
+        !too_fast.contains("--step") && too_fast.contains("take it out"),
+        "{too_fast}"
+    );
+}

@@ -29,7 +29,7 @@ const LARGEST: f64 = 0.005;
 /// Windows that are learnt from begin so many times a window.
 pub(super) const OVERLAP: usize = 4;
 /// More integration steps between two samples are refused.
-const MOST_SUBSTEPS: f64 = 1000.0;
+pub(super) const MOST_SUBSTEPS: f64 = 1000.0;
 /// The network can give so much more than the largest force that the data ask for.
 const RESERVE: f64 = 1.5;
 

@@ -8,6 +8,7 @@ use super::{Options, Training, worse_than_none};
 use crate::learnt::Quantity;
 use crate::log::{Channels, Log};
 use crate::model::Model;
+use crate::network::Real;
 
 const SLEDGE: &str = include_str!("../../tests/data/known_sledge.toml");
 
@@ -178,4 +179,50 @@ fn a_network_that_is_worse_than_none_is_warned_of() {
     assert!(words.contains(said), "{words}");
     assert_eq!(worse_than_none(Some(&epoch), None), None);
     assert_eq!(worse_than_none(Some(&epoch), Some(3e5)), None);
+}
+
+/// From fitted and from measured starts, in both precisions; an evaluation of what is held out as well.
+#[test]
+fn steps_of_training_allocate_nothing() {
+    fn taken<T: Real>(training: &Training<'_>, options: &Options) -> [u64; 2] {
+        let mut session = Session::<T>::new(training, options).unwrap();
+        let batch: Vec<usize> = (0..options.batch).collect();
+        session.step(&batch, 1e-3).unwrap();
+        session.held_out().unwrap();
+        let count = |work: &mut dyn FnMut()| allocation_counter::measure(work).count_total;
+        let steps = count(&mut || {
+            for _ in 0..5 {
+                session.step(&batch, 1e-3).unwrap();
+            }
+        });
+        let held_out = count(&mut || {
+            session.held_out().unwrap();
+        });
+        [steps, held_out]
+    }
+    let model = sledge();
+    let logs = [log("log.csv", 0.02, 60.0, &model)];
+    let training = Training {
+        model: &model,
+        logs: &logs,
+        held_out: &[],
+    };
+    let fitted = Options {
+        batch: 100,
+        ..options()
+    };
+    let published = Options {
+        batch: 100,
+        units: vec![8],
+        ..Options::paper(vec![0])
+    };
+    // What threads hand to each other is theirs.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    pool.unwrap().install(|| {
+        for options in [&fitted, &published] {
+            // The list of all windows held out.
+            assert_eq!(taken::<f64>(&training, options), [0, 1]);
+            assert_eq!(taken::<f32>(&training, options), [0, 1]);
+        }
+    });
 }

@@ -1,7 +1,7 @@
 //! The states that recordings go through, behind their sensors: (q, v) smoothed, h where that takes the effects with a memory.
 
 use super::Start;
-use super::data::Recordings;
+use super::data::{MOST_SUBSTEPS, Recordings};
 use super::loss::Target;
 use crate::Error;
 use crate::diagnose::smooth::Smoothed;
@@ -10,7 +10,7 @@ use crate::shooting::{HiddenPrior, Window};
 
 /// The fastest memory, in units of a step of classical Runge-Kutta, which is unstable from 2.8 on.
 const FASTEST: f64 = 1.5;
-/// Steps are made shorter for a memory, to so many times as many.
+/// Steps are made shorter for a memory by themselves, to so many times as many.
 const MOST_REFINED: usize = 16;
 
 impl Recordings {
@@ -70,20 +70,21 @@ impl Recordings {
     /// [`Error::Training`] where they are too fast.
     pub(super) fn refine_for_memory(&mut self) -> Result<(), Error> {
         let rate = self.hybrid.fastest_memory(&self.theta, &self.scales);
-        let (before, interval) = (self.substeps, self.interval);
-        while interval * rate > FASTEST * self.substeps as f64 {
-            self.substeps *= 2;
-            if self.substeps > MOST_REFINED * before {
-                return Err(Error::Training(format!(
-                    "an effect of the model that has a memory changes by itself within {:.2e} s, which takes steps of {:.2e} s: give --step {:.0e}, or \
-                     take the effect out of the model",
-                    1.0 / rate,
-                    FASTEST / rate,
-                    FASTEST / rate
-                )));
-            }
+        let needed = self.interval * rate / FASTEST;
+        let most = (MOST_REFINED * self.substeps) as f64;
+        if needed <= most {
+            self.substeps = self.substeps.max(needed.ceil() as usize);
+            return Ok(());
         }
-        Ok(())
+        let cure = match needed < MOST_SUBSTEPS {
+            true => format!("give --step {:.1e}, or take it out", 0.9 * FASTEST / rate),
+            false => "take it out".to_owned(),
+        };
+        Err(Error::Training(format!(
+            "an effect of the model that has a memory changes by itself within {:.1e} s, which takes {needed:.0} steps in a sample interval: {cure}, or \
+             fit it by `pinode diagnose`",
+            1.0 / rate
+        )))
     }
 
     /// The states at the beginning of windows: as measured, or smoothed.
