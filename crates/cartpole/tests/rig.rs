@@ -697,6 +697,19 @@ fn a_small_gap_is_the_rig_without_one() {
     );
 }
 
+/// The bounces of the motor on its flank grow smaller without end, and each may set going a cart that friction stops before the next.
+#[test]
+fn a_motor_bounces_to_rest_on_a_cart_that_friction_stops_between_the_blows() {
+    let mut config = config();
+    config.noise = NoiseLevel::Realistic;
+    config.duration = 7.0;
+    let seed = 96435;
+    let hidden = draw_of(&config, CASES, seed);
+    let (log, states) = run(&config, &hidden, seed);
+    assert_eq!(log.t.len(), states.len());
+    assert!(states.iter().all(|s| s.q[0].abs() < 0.325));
+}
+
 #[test]
 fn backlash_is_recorded_when_it_is_asked_for_and_never_drawn() {
     let mut config = config();

@@ -10,7 +10,9 @@ use std::convert::Infallible;
 use std::fmt;
 
 use integrators::Flat;
-use integrators::event::{At, ContactSystem, Direction, EventKind, EventStepper, Friction, Law};
+use integrators::event::{
+    At, ContactSystem, Direction, EventKind, EventStepper, Friction, Law, Limits,
+};
 use nalgebra::DMatrix;
 
 use super::Error;
@@ -232,6 +234,10 @@ fn laws(effects: &Effects, layout: Layout) -> Vec<(Contact, Law)> {
     laws
 }
 
+/// Dry friction may change so often within a step: a motor that comes to rest on a flank bounces e^k v with e up to 0.5 down to rounding,
+/// some forty times, and each blow may set a cart going that friction stops again.
+const MOST_CHANGES: usize = 128;
+
 /// The simulated rig.
 pub struct Truth<P: Plant> {
     smooth: Smooth<P>,
@@ -339,7 +345,12 @@ impl<P: Plant> Truth<P> {
                 let laws = laws(&self.smooth.effects, self.smooth.layout);
                 self.contacts = laws.iter().map(|(contact, _)| *contact).collect();
                 let laws = laws.into_iter().map(|(_, law)| law).collect();
-                none.insert(EventStepper::new(&self.smooth, laws).map_err(Error::Motion)?)
+                let limits = Limits {
+                    most_changes: MOST_CHANGES,
+                    ..Limits::default()
+                };
+                let stepper = EventStepper::new(&self.smooth, laws).map_err(Error::Motion)?;
+                none.insert(stepper.with_limits(limits))
             }
         };
         // The small excess keeps 20 ms / 0.5 ms from becoming 41 steps.
