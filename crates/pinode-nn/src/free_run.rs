@@ -9,7 +9,7 @@ use integrators::{Heun, Method, Order, Rk4, System, Variational};
 use crate::Error;
 use crate::contact_run::{ContactRunError, roll_contacts};
 use crate::diagnose::smooth::smooth;
-use crate::hybrid::{DrivenInputs, Hybrid, HybridMotion};
+use crate::hybrid::{DrivenInputs, Hybrid, HybridMotion, behind};
 use crate::log::Run;
 use crate::model::Model;
 use crate::motion::check_free;
@@ -51,15 +51,6 @@ pub fn initial_states(model: &Model, run: &Run, kind: Initial) -> Vec<Vec<f64>> 
     let wraps: Vec<bool> = coordinates.iter().map(|c| c.wraps).collect();
     let hybrid = Hybrid::of(model);
     let readings = hybrid.readings(&hybrid.theta(), &[]);
-    let n = readings.len();
-    let behind_readings = |mut state: Vec<f64>| {
-        for (c, reading) in readings.iter().enumerate() {
-            let (y, rate) = (state[c], state[n + c]);
-            state[c] = reading.position_of(y, rate);
-            state[n + c] = rate / reading.factor;
-        }
-        state
-    };
     let q = &run.q;
     match kind {
         Initial::Estimated => {
@@ -71,7 +62,7 @@ pub fn initial_states(model: &Model, run: &Run, kind: Initial) -> Vec<Vec<f64>> 
             };
             let smoothed = smooth(&observed, &wraps, SMOOTHING);
             (0..run.len())
-                .map(|k| behind_readings(smoothed.state(k)))
+                .map(|k| smoothed.behind(&readings, &run.t, k))
                 .collect()
         }
         Initial::Measured | Initial::Past => {
@@ -85,7 +76,12 @@ pub fn initial_states(model: &Model, run: &Run, kind: Initial) -> Vec<Vec<f64>> 
                 })
                 .collect();
             (0..run.len())
-                .map(|k| behind_readings(q.iter().chain(&v).map(|column| column[k]).collect()))
+                .map(|k| {
+                    behind(
+                        &readings,
+                        q.iter().chain(&v).map(|column| column[k]).collect(),
+                    )
+                })
                 .collect()
         }
     }
@@ -375,4 +371,48 @@ fn roll<'a>(
         &mut state,
         |state| states.push(state.to_vec()),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    const LATE: &str = "
+        name = 'late'
+        [lagrangian]
+        coordinates = ['q']
+        kinetic = '0.5*q_dot^2'
+        potential = '8*q^2'
+        [[effect]]
+        kind = 'sensor_delay'
+        joint = 'q'
+        delay = 0.047
+    ";
+
+    /// q = sin 4t, of which the sensor reads what was 47 ms before.
+    #[test]
+    fn free_runs_start_from_what_a_late_sensor_reads_later() {
+        let model = Model::parse("late.toml".as_ref(), LATE.to_owned()).unwrap();
+        let t: Vec<f64> = (0..200).map(|k| 0.01 * f64::from(k)).collect();
+        let run = Run {
+            id: "0".into(),
+            q: vec![t.iter().map(|t| (4.0 * (t - 0.047)).sin()).collect()],
+            v: vec![None],
+            u: Vec::new(),
+            t,
+        };
+        let states = initial_states(&model, &run, Initial::Estimated);
+        for (k, (state, t)) in states.iter().zip(&run.t).enumerate() {
+            // The last 47 ms nobody reads: there the motion goes on as it was.
+            let allowed = match k {
+                0..192 => [2e-5, 2e-3],
+                _ => [2e-3, 0.2],
+            };
+            let errors = [state[0] - (4.0 * t).sin(), state[1] - 4.0 * (4.0 * t).cos()];
+            let fits = errors.iter().zip(&allowed).all(|(e, a)| e.abs() < *a);
+            assert!(fits, "{k}: {errors:?}");
+        }
+    }
 }

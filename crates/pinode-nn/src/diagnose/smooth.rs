@@ -2,6 +2,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
+use crate::hybrid::Reading;
 use crate::shooting::{ObservedRun, wrap_angle};
 
 /// Position, velocity and acceleration of each coordinate at each sample.
@@ -20,6 +21,26 @@ impl Smoothed {
     pub fn state(&self, k: usize) -> Vec<f64> {
         let at = |columns: &[Vec<f64>]| columns.iter().map(|c| c[k]).collect::<Vec<_>>();
         [at(&self.q), at(&self.v)].concat()
+    }
+
+    /// The state (q, v) behind `readings`, one a coordinate, at sample `k` of the times `t`. What a sensor reads late is looked up where it
+    /// reads it, by the parabola at the sample nearest to that.
+    pub(crate) fn behind(&self, readings: &[Reading], t: &[f64], k: usize) -> Vec<f64> {
+        let n = readings.len();
+        let mut state = self.state(k);
+        for (c, reading) in readings.iter().enumerate() {
+            let time = t[k] + reading.delay;
+            let later = k + t[k..].partition_point(|&t| t < time);
+            let apart = |&j: &usize| (t[j] - time).abs();
+            let near = (later.saturating_sub(1).max(k)..t.len().min(later + 1))
+                .min_by(|i, j| apart(i).total_cmp(&apart(j)))
+                .unwrap_or(k);
+            let (x, a) = (time - t[near], self.a[c][near]);
+            let (y, rate) = (self.q[c][near], self.v[c][near]);
+            state[c] = (y + x * (rate + 0.5 * x * a) - reading.offset) / reading.factor;
+            state[n + c] = (rate + x * a) / reading.factor;
+        }
+        state
     }
 }
 

@@ -9,7 +9,7 @@ use super::score::{Paired, paired, samples_per_window};
 use super::setup::FEWEST_WINDOWS;
 use super::smooth::Smoothed;
 use crate::effect::{Kind, Scales};
-use crate::hybrid::{HiddenPath, Hybrid, Placed, behind};
+use crate::hybrid::{HiddenPath, Hybrid, Placed};
 use crate::shooting::{Fit, FitOptions, HiddenPrior, Observations, Window, Windows, fit};
 
 /// At most so many integration steps per sample.
@@ -256,7 +256,7 @@ impl Study {
             .zip(self.smoothed.iter())
             .map(|(run, smoothed)| {
                 let inputs = hybrid.drive(&run.t, &run.u, substeps, theta, &[]);
-                hybrid.hidden_path(theta, &inputs, &|k| behind(&readings, smoothed.state(k)))
+                hybrid.hidden_path(theta, &inputs, &|k| smoothed.behind(&readings, &run.t, k))
             })
             .collect()
     }

@@ -80,7 +80,7 @@ impl Hybrid {
     }
 }
 
-/// The state (q, v) behind what its sensors read.
+/// The state (q, v) behind what its sensors read, where nothing later is known: what is late goes on at its rate.
 pub(crate) fn behind(readings: &[Reading], mut state: Vec<f64>) -> Vec<f64> {
     let n = readings.len();
     for (c, reading) in readings.iter().enumerate() {

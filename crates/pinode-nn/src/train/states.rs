@@ -5,7 +5,7 @@ use super::data::{MOST_SUBSTEPS, Recordings};
 use super::loss::Target;
 use crate::Error;
 use crate::diagnose::smooth::Smoothed;
-use crate::hybrid::{Reading, behind};
+use crate::hybrid::Reading;
 use crate::shooting::{HiddenPrior, Window};
 
 /// The fastest memory, in units of a step of classical Runge-Kutta, which is unstable from 2.8 on.
@@ -22,10 +22,14 @@ impl Recordings {
                 put_behind(target, smoothed, c, reading);
             }
         }
-        let runs = self.smoothed.iter().zip(&self.inputs);
+        let runs = self
+            .smoothed
+            .iter()
+            .zip(&self.observations.runs)
+            .zip(&self.inputs);
         self.paths = runs
-            .map(|(smoothed, inputs)| {
-                let state = |k| behind(&self.readings, smoothed.state(k));
+            .map(|((smoothed, run), inputs)| {
+                let state = |k| smoothed.behind(&self.readings, &run.t, k);
                 self.hybrid.hidden_path(&self.theta, inputs, &state)
             })
             .collect();
@@ -33,7 +37,8 @@ impl Recordings {
 
     /// (q, v, h) of a recording at a sample.
     pub(super) fn state(&self, run: usize, sample: usize) -> Vec<f64> {
-        let mut state = behind(&self.readings, self.smoothed[run].state(sample));
+        let t = &self.observations.runs[run].t;
+        let mut state = self.smoothed[run].behind(&self.readings, t, sample);
         state.extend(self.paths[run].at(sample));
         state
     }
