@@ -60,7 +60,7 @@ fn diagnosed_without(hidden: &Hidden, seed: u64, seconds: f64, without: &[&str])
 fn is_found(case: usize, seed: u64) {
     let config = Config::read(&models().join("rig.toml")).unwrap();
     let hidden = rig::draw_of(&config, case, seed);
-    let diagnosis = diagnosed(&hidden, seed, 40.0);
+    let diagnosis = diagnosed(&hidden, seed, 30.0);
     assert_eq!(diagnosis.verdict, Verdict::EffectsFound, "{hidden:?}");
     let named = &diagnosis.effects[0];
     let target = hidden.target().unwrap().name();
@@ -175,7 +175,9 @@ fn a_mass_that_tolerances_swallow_is_found() {
     has_size(only_size(&hidden), &named.parameters);
 }
 
-/// An elastic drive with more than critical damping explains the second, which is small, nearly as well.
+/// An elastic drive with more than critical damping explains the second, which is small, nearly as well; the blows of the third leave nothing
+/// that friction that grows with the load would not explain. The gap may be a third off, for what shows is the time without force, which is that
+/// of the gap times the motor's inertia.
 #[test]
 fn play_of_the_drive_is_found() {
     let target = Target::Motor;
@@ -198,10 +200,30 @@ fn play_of_the_drive_is_found() {
             },
             61063,
         ),
+        (
+            Hidden::Backlash {
+                target,
+                gap: 3.2075e-3,
+                restitution: 0.38607,
+                motor_inertia: 0.13165,
+            },
+            5,
+        ),
     ] {
         let diagnosis = diagnosed(&hidden, seed, 60.0);
         let named = &diagnosis.effects[0];
         assert_eq!(named.kind, "backlash", "{named:?}");
+        let found = |name: &str| named.parameters[name].value;
+        let [gap, product] = match hidden {
+            Hidden::Backlash {
+                gap, motor_inertia, ..
+            } => [gap, gap * motor_inertia],
+            _ => panic!("{hidden:?}"),
+        };
+        let ratio = found("gap") / gap;
+        assert!((0.67..1.5).contains(&ratio), "{hidden:?}: {named:?}");
+        let ratio = found("gap") * found("motor_inertia") / product;
+        assert!((0.85..1.15).contains(&ratio), "{hidden:?}: {named:?}");
         assert!(diagnosis.gap.after < 0.8 * diagnosis.gap.before);
     }
 }
@@ -309,7 +331,7 @@ fn a_law_that_the_library_lacks_is_missed_and_what_it_follows_is_told() {
 #[test]
 fn nothing_is_found_where_nothing_is_hidden() {
     for seed in 1..5 {
-        let diagnosis = diagnosed(&Hidden::Nothing, seed, 40.0);
+        let diagnosis = diagnosed(&Hidden::Nothing, seed, 30.0);
         assert_eq!(diagnosis.verdict, Verdict::NothingMissing, "seed {seed}");
         assert!(diagnosis.effects.is_empty());
         assert!(diagnosis.unexplained.is_none(), "seed {seed}");

@@ -9,8 +9,8 @@ use super::study::{Comparison, Fitted, RELIEF, Study};
 /// A candidate with this share of its information spanned by free constants is one that they imitate.
 const IMITATED: f64 = 0.9;
 /// Iterations by which the starts of a candidate are compared, of the initial states and of all: of what is quickly fitted, and of what stands
-/// between motor and joint, whose every iteration is dear.
-const COMPARING: [(usize, usize); 2] = [(1, 4), (3, 0)];
+/// between motor and joint, of which a play may begin far from what it comes to.
+const COMPARING: [(usize, usize); 2] = [(1, 4), (1, 8)];
 /// … and one in so many of the windows.
 const SHARE: usize = 4;
 /// Iterations of a fit that refines: of a first look at what has no memory, and of all else.

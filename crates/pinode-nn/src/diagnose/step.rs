@@ -34,6 +34,8 @@ const PAIRS: usize = 4;
 const ALIKE: f64 = 0.02;
 /// Who is behind by so many standard errors on the windows held out does not lead.
 const BEHIND: f64 = -1.0;
+/// Residuals of so many times the noise are no noise, whether they follow from anything or not.
+const LOUD: f64 = 1.5;
 /// A gain that loses more than this share when the numerics are refined is numerical. One that grows was held back by them.
 const NUMERICAL: f64 = 0.3;
 
@@ -99,7 +101,8 @@ pub fn one_step(study: &Study, current: &Fitted, turn: Turn, seed: u64, report: 
         return step;
     }
     // The blows of a play look like no law of what was measured.
-    if left.is_some() || (turn == Turn::Again && step.accepted.is_none()) {
+    if left.is_some() || looking.is_loud(&step) || (turn == Turn::Again && step.accepted.is_none())
+    {
         // Friction explains what nothing else does: beside a law that is accepted for what it explains it is asked in the end.
         let firm = step.accepted().is_some_and(|c| c.comparison.explains());
         let friction = !firm && left.as_ref().is_some_and(Remainder::may_be_friction);
@@ -126,10 +129,20 @@ struct Looking<'a> {
 }
 
 impl Looking<'_> {
+    /// The best model so far.
+    fn best<'a>(&'a self, step: &'a Step) -> &'a Fitted {
+        step.accepted().map_or(self.current, |c| &c.fitted)
+    }
+
     /// What the best model so far leaves, where that is worth a search.
     fn hint(&self, step: &Step) -> Option<Remainder> {
-        let best = step.accepted().map_or(self.current, |c| &c.fitted);
-        best.hint(self.study, self.first).cloned()
+        self.best(step).hint(self.study, self.first).cloned()
+    }
+
+    /// Whether the best model so far leaves residuals far above the noise.
+    fn is_loud(&self, step: &Step) -> bool {
+        let excess = self.best(step).excess(&self.study.observations);
+        excess.iter().any(|&excess| excess > LOUD)
     }
 
     /// The number of samples in the seen windows.

@@ -2,8 +2,8 @@
 //!
 //! J v̇_m = f − T,  ė = v_m − v,  T = k s(e) + d s′(e) (v_m − v),  Q = T + J v̇,
 //!
-//! s(e) = 0 within the gap |e| ≤ g/2 and e ∓ g/2 beyond, its corners rounded over a fiftieth of the gap. g in m or rad; k and d are stiffness
-//! and damping of the teeth that touch. J is the inertia on the motor's side, seen at the joint. The mechanism has it in its masses, as
+//! s(e) = 0 within the gap |e| ≤ g/2 and e ∓ g/2 beyond, its corners rounded by parabolas over a fiftieth of the gap to each side, between which
+//! nothing acts. g in m or rad; k and d are stiffness and damping of the teeth that touch. J is the inertia on the motor's side, seen at the joint. The mechanism has it in its masses, as
 //! whoever weighed or identified a drive without knowing of its play: J v̇ takes it out of the joint again, so that hard teeth without play
 //! change nothing. Within the play the motor moves by itself, and the rest of the joint without it; then there is an impact. Small
 //! backlash looks like an elastic drive.
@@ -15,23 +15,32 @@ use super::{
 };
 
 /// What is taken for the motor and its teeth beside the joint's own entry of M: a tenth of the inertia, teeth on which it swings with
-/// 400 rad/s and 0.35 of the critical damping: a blow of some 8 ms that gives 0.3 of the speed back.
+/// 400 rad/s and 0.6 of the critical damping: a blow of some 8 ms that gives a tenth of the speed back.
 const MOTOR: f64 = 0.1;
 const STIFFNESS: f64 = 400.0 * 400.0 * MOTOR;
-const DAMPING: f64 = 0.7 * 400.0 * MOTOR;
+const DAMPING: f64 = 1.2 * 400.0 * MOTOR;
 
 struct Backlash;
 
-/// ½ (x + √(x² + w²)): 0 below, x above, rounded over w.
+/// x kept within ±w, by absolute values, which lanes know.
+#[inline(always)]
+fn within<D: Scalar>(x: D, w: D) -> D {
+    ((x + w).abs() - (x - w).abs()) * 0.5
+}
+
+/// 0 below −w, (x + w)²/(4 w), x above w. A rounding that goes on for ever, as ½ (x + √(x² + w²)), would drive the motor to the middle of
+/// its play with k w²/(4 x), as strongly as friction where the teeth are hard.
 #[inline(always)]
 fn beyond<D: Scalar>(x: D, w: D) -> D {
-    (x + (x * x + w * w).sqrt()) * 0.5
+    let corner = within(x, w) + w;
+    let above = ((x - w).abs() + x - w) * 0.5;
+    corner * corner / (w * 4.0) + above
 }
 
 /// Its derivative in x.
 #[inline(always)]
 fn touching<D: Scalar>(x: D, w: D) -> D {
-    (x / (x * x + w * w).sqrt() + 1.0) * 0.5
+    (within(x, w) / w + 1.0) * 0.5
 }
 
 /// Over what way the corners at half the `gap` are rounded.
@@ -73,10 +82,13 @@ impl MemoryLaw for Backlash {
         rate[1] = (seen.f - pull(seen, p)) / p[INERTIA];
     }
     fn start(&self, v: f64, f: f64, p: &[f64], h: &mut [f64]) {
-        // T = f: with x beyond the corner at g/2, ½ (x + √(x² + w²)) = |f|/k. In the middle where nothing pushes.
+        // T = f: beyond the corner at g/2 by the x that stretches by |f|/k. In the middle where nothing pushes.
         let (gap, stretch) = (0.5 * p[0], f.abs() / p[1]);
         let w = rounding(gap);
-        let beyond = stretch - w * w / (4.0 * stretch);
+        let beyond = match stretch < w {
+            true => 2.0 * (w * stretch).sqrt() - w,
+            false => stretch,
+        };
         h[0] = match f == 0.0 {
             true => 0.0,
             false => (gap + beyond).max(0.0).copysign(f),
