@@ -25,6 +25,8 @@ pub(super) struct Mode {
     pub problem: Complementarity,
     candidates: Vec<usize>,
     border: Vec<usize>,
+    /// Friction that holds nothing.
+    loose: Vec<usize>,
     factor: Vec<f64>,
 }
 
@@ -151,6 +153,7 @@ impl Mode {
     ) -> Result<bool, ContactError<E>> {
         let problem = &self.problem;
         self.border.clear();
+        self.loose.clear();
         let mut falls = false;
         for (row, &k) in self.candidates.iter().enumerate() {
             if problem.place[row] == Place::Free {
@@ -195,6 +198,9 @@ impl Mode {
                 });
             }
             let fall = sliding < breakaway * (1.0 - BORDER);
+            if no_box {
+                self.loose.push(row);
+            }
             // One that lets go without moving may be held by others.
             if at_border || (balanced && !fall && !no_box) {
                 self.border.push(row);
@@ -216,8 +222,8 @@ impl Mode {
         Ok(falls && !self.candidates.is_empty())
     }
 
-    /// The laws at rest: those that carry, then those at the border; a friction at its border slides along at speed 0 if others
-    /// hold it already.
+    /// The laws at rest: those that carry, then those at the border; a friction at its border, or without a force, slides along at speed 0
+    /// if others hold it already.
     fn list_at_rest(&mut self, let_go: &[bool]) {
         let problem = &self.problem;
         if problem.place.len() != self.candidates.len() {
@@ -248,6 +254,18 @@ impl Mode {
             } else {
                 self.at_rest.push(k);
             }
+        }
+        for &loose in &self.loose {
+            let (candidates, contacts) = (&self.candidates, &self.contacts);
+            let resting = (0..n).filter(|&i| contacts[candidates[i]].at_rest());
+            let order = || resting.clone().chain([loose]);
+            self.factor.clear();
+            for i in order() {
+                self.factor.extend(order().map(|j| problem.a[i * n + j]));
+            }
+            let m = order().count();
+            factorise(&mut self.factor, m, DEPENDENT);
+            self.idle[candidates[loose]] = self.factor.last() == Some(&0.0);
         }
     }
 }
