@@ -654,6 +654,52 @@ fn friction_without_a_force_between_what_a_stop_holds_has_no_events() {
     wagons(0.0, m, [0.0; 4], [0.0; 3], v, 7.48145089272021).unwrap();
 }
 
+/// A row that comes to rest against a wall, dragged by its first wagon: what is left of the velocities when it does is no velocity.
+#[test]
+fn a_row_that_comes_to_rest_against_a_wall_is_at_rest() {
+    let m = [
+        2.3831899929624973,
+        2.074047200794718,
+        0.5689060208100719,
+        0.2,
+    ];
+    let level = [
+        1.1494165212867062,
+        0.0,
+        0.4928319787005553,
+        0.9323171406671442,
+    ];
+    let between = [0.38512347232063127, 0.0, 0.35751104074406737];
+    let v = [
+        2.532963930748376,
+        -0.5557187586571366,
+        -1.8819602578726857,
+        3.301897637017479,
+    ];
+    wagons(0.0, m, level, between, v, 4.604608731310259).unwrap();
+
+    let m = [
+        0.7055958277186799,
+        2.947023473143335,
+        2.415836135602838,
+        2.453125012847393,
+    ];
+    let level = [
+        0.9744566589442778,
+        0.028708335066838703,
+        0.1659695440801729,
+        1.759823289634186,
+    ];
+    let between = [0.54686425761563, 0.2625085740224998, 0.6738450130632159];
+    let v = [
+        0.8685452048676139,
+        1.1744109503870641,
+        0.5620440510516641,
+        0.3027314102817185,
+    ];
+    wagons(0.0, m, level, between, v, 1.4726693447843286).unwrap();
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, cases: 64, ..ProptestConfig::default() })]
 

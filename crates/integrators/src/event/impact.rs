@@ -8,7 +8,8 @@
 use super::complementarity::Complementarity;
 use super::law::{Kind, Strike};
 use super::motion::{Motion, Work, dot};
-use super::{ContactError, ContactSystem, Event, EventKind, Law};
+use super::rest::Rest;
+use super::{ContactError, ContactSystem, Event, EventKind};
 use crate::Space;
 
 /// Memory of the impacts.
@@ -23,14 +24,14 @@ pub(super) struct Impact {
 }
 
 impl Impact {
-    /// Resolves what approaches at closed stops, with the `restitution(law, e, speed of approach)` in place of a law's own e. Of the laws that are `still`, those that
-    /// move now are none any more; stops without rebound are.
+    /// Resolves what approaches at closed stops, with the `restitution(law, e, speed of approach)` in place of a law's own e. Of the laws
+    /// that are `still`, those that move now are none any more; stops without rebound are.
     pub fn resolve<S: ContactSystem>(
         &mut self,
         motion: &Motion<'_, S>,
         (time, x, u): (f64, &mut [f64], &S::Input),
         restitution: impl Fn(usize, f64, f64) -> f64,
-        (problem, work): (&mut Complementarity, &mut Work<S::Memory>),
+        (problem, rest, work): (&mut Complementarity, &mut Rest, &mut Work<S::Memory>),
         still: &mut [bool],
         events: &mut Vec<Event>,
     ) -> Result<(), ContactError<S::Error>> {
@@ -105,14 +106,11 @@ impl Impact {
             let (slip, rounding) = law.slip(v);
             *still &= slip.abs() <= rounding + before;
         }
-        // What does not rebound is at rest exactly.
-        let stays = || {
-            struck()
-                .filter(|&(row, _)| self.wanted[row] == 0.0)
-                .map(|(_, k)| k)
-        };
-        stays().for_each(|k| still[k] = true);
-        rest(laws, stays(), q, v);
+        // What does not rebound is at rest.
+        struck()
+            .filter(|&(row, _)| self.wanted[row] == 0.0)
+            .for_each(|(_, k)| still[k] = true);
+        rest.apply(laws, (0..laws.len()).filter(|&k| still[k]), q, v);
         for (row, law) in struck() {
             events.push(Event {
                 time,
@@ -149,30 +147,5 @@ impl Impact {
             self.wanted.push(approach);
         }
         approaches
-    }
-}
-
-/// Takes what is rounding out of the velocities, and of the gaps, of laws at rest.
-pub(super) fn rest(
-    laws: &[Law],
-    at_rest: impl Iterator<Item = usize> + Clone,
-    q: &mut [f64],
-    v: &mut [f64],
-) {
-    let coordinate = |k: usize| laws[k].coordinate();
-    for k in at_rest.clone() {
-        laws[k].close(q);
-        if coordinate(k).is_some() {
-            laws[k].stop_slip(v, |_| false);
-        }
-    }
-    // What one coordinate rests on stays exactly as it is.
-    let pinned = |i: usize| {
-        at_rest
-            .clone()
-            .any(|k| coordinate(k).is_some_and(|(j, _)| i == j))
-    };
-    for k in at_rest.clone().filter(|&k| coordinate(k).is_none()) {
-        laws[k].stop_slip(v, pinned);
     }
 }

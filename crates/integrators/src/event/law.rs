@@ -172,13 +172,13 @@ impl Law {
     }
 
     /// Takes the slip out of v, which is rounding or the root of an event, along w but for the entries that are `pinned`.
-    pub(super) fn stop_slip(&self, v: &mut [f64], pinned: impl Fn(usize) -> bool) {
+    pub(super) fn stop_slip(&self, v: &mut [f64], pinned: &[bool]) {
         if let Some((i, at_rest)) = self.coordinate() {
             v[i] = at_rest;
             return;
         }
         let (slip, _) = self.slip(v);
-        let free = |&(i, w): &(usize, &f64)| *w != 0.0 && !pinned(i);
+        let free = |&(i, w): &(usize, &f64)| *w != 0.0 && !pinned[i];
         let entries = || self.direction.iter().enumerate().filter(free);
         let square: f64 = entries().map(|(_, w)| w * w).sum();
         for (i, w) in entries() {

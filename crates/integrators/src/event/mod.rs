@@ -40,6 +40,7 @@ mod law;
 mod mode;
 mod motion;
 mod occurrence;
+mod rest;
 mod roll_out;
 mod root;
 mod stepper;

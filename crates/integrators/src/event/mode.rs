@@ -229,15 +229,10 @@ impl Mode {
         if problem.place.len() != self.candidates.len() {
             return;
         }
-        let order = || problem.free.iter().chain(&self.border);
-        self.factor.clear();
-        let n = self.candidates.len();
-        for &i in order() {
-            self.factor.extend(order().map(|&j| problem.a[i * n + j]));
-        }
+        let order = || problem.free.iter().chain(&self.border).copied();
+        factorise_rows(&mut self.factor, problem, order);
         let m = problem.free.len() + self.border.len();
-        factorise(&mut self.factor, m, DEPENDENT);
-        for (position, &row) in order().enumerate() {
+        for (position, row) in order().enumerate() {
             let k = self.candidates[row];
             let depends = self.factor[position * m + position] == 0.0;
             let direction = match problem.place[row] {
@@ -257,15 +252,23 @@ impl Mode {
         }
         for &loose in &self.loose {
             let (candidates, contacts) = (&self.candidates, &self.contacts);
-            let resting = (0..n).filter(|&i| contacts[candidates[i]].at_rest());
-            let order = || resting.clone().chain([loose]);
-            self.factor.clear();
-            for i in order() {
-                self.factor.extend(order().map(|j| problem.a[i * n + j]));
-            }
-            let m = order().count();
-            factorise(&mut self.factor, m, DEPENDENT);
+            let resting = || (0..candidates.len()).filter(|&i| contacts[candidates[i]].at_rest());
+            factorise_rows(&mut self.factor, problem, || resting().chain([loose]));
             self.idle[candidates[loose]] = self.factor.last() == Some(&0.0);
         }
     }
+}
+
+/// The factor of W M⁻¹ Wᵀ for these rows, in this order; 0 on its diagonal where one depends on those before it.
+fn factorise_rows<I: Iterator<Item = usize>>(
+    factor: &mut Vec<f64>,
+    problem: &Complementarity,
+    rows: impl Fn() -> I,
+) {
+    let n = problem.b.len();
+    factor.clear();
+    for i in rows() {
+        factor.extend(rows().map(|j| problem.a[i * n + j]));
+    }
+    factorise(factor, rows().count(), DEPENDENT);
 }

@@ -2,10 +2,11 @@
 
 use super::error::ContactError;
 use super::friction::At;
-use super::impact::{Impact, rest};
+use super::impact::Impact;
 use super::law::Kind;
 use super::mode::Mode;
 use super::motion::{Contact, Work, levels};
+use super::rest::Rest;
 use super::root::last_bracket;
 use super::{ContactSystem, Event, EventKind, Law};
 use crate::fixed::OFF_SPACE;
@@ -61,6 +62,7 @@ pub struct EventStepper<S: ContactSystem> {
     mode: Mode,
     work: Work<S::Memory>,
     impact: Impact,
+    rest: Rest,
     rk4: Rk4<f64>,
     trial: Vec<f64>,
     /// Where the last call ended.
@@ -93,6 +95,7 @@ impl<S: ContactSystem> EventStepper<S> {
             mode: Mode::new(n),
             work: Work::new(nv, n, system.memory()),
             impact: Impact::default(),
+            rest: Rest::default(),
             rk4: Rk4::new(nq + nv),
             trial: vec![0.0; nq + nv],
             last: vec![0.0; nq + nv],
@@ -270,7 +273,8 @@ impl<S: ContactSystem> EventStepper<S> {
     fn accept(&mut self, system: &S, x: &mut [f64]) {
         x.copy_from_slice(&self.trial);
         let (q, v) = x.split_at_mut(system.positions().dim());
-        rest(&self.laws, self.mode.at_rest.iter().copied(), q, v);
+        let at_rest = self.mode.at_rest.iter().copied();
+        self.rest.apply(&self.laws, at_rest, q, v);
     }
 
     /// The contacts after the events that the margins tell of.
@@ -307,7 +311,6 @@ impl<S: ContactSystem> EventStepper<S> {
             }
             if matches!(contact, Contact::Slides(_)) {
                 self.still[k] = true;
-                law.stop_slip(v, |_| false);
             }
             if matches!(contact, Contact::Slides(_) | Contact::Sticks)
                 && self.changes[k] > self.limits.most_changes
@@ -320,6 +323,8 @@ impl<S: ContactSystem> EventStepper<S> {
                 });
             }
         }
+        let still = (0..self.laws.len()).filter(|&k| self.still[k]);
+        self.rest.apply(&self.laws, still, q, v);
         self.settle(system, time, u, x)
     }
 
@@ -351,7 +356,7 @@ impl<S: ContactSystem> EventStepper<S> {
             &self.mode.motion(system, &self.laws),
             (time, x, u),
             restitution,
-            (&mut problem, &mut self.work),
+            (&mut problem, &mut self.rest, &mut self.work),
             &mut self.still,
             &mut self.events,
         );
@@ -364,7 +369,8 @@ impl<S: ContactSystem> EventStepper<S> {
             &mut self.work,
         )?;
         let (q, v) = x.split_at_mut(system.positions().dim());
-        rest(&self.laws, self.mode.at_rest.iter().copied(), q, v);
+        let at_rest = self.mode.at_rest.iter().copied();
+        self.rest.apply(&self.laws, at_rest, q, v);
         if self.started {
             for (law, (before, now)) in self.before.iter().zip(&self.mode.contacts).enumerate() {
                 if let Some(kind) = change(*before, *now, self.laws[law].slip(v).0) {
