@@ -175,9 +175,9 @@ fn a_mass_that_tolerances_swallow_is_found() {
     has_size(only_size(&hidden), &named.parameters);
 }
 
-/// An elastic drive with more than critical damping explains the second, which is small, nearly as well; the blows of the third leave nothing
-/// that friction that grows with the load would not explain. The gap may be a third off, for what shows is the time without force, which is that
-/// of the gap times the motor's inertia.
+/// An elastic drive with more than critical damping explains the second, which is small, nearly as well; friction that grows with the load
+/// explains the blows of the third, so that what it leaves follows from nothing. The gap may be a third off, for what shows is the time
+/// without force, which is that of the gap times the motor's inertia.
 #[test]
 fn play_of_the_drive_is_found() {
     let target = Target::Motor;

@@ -2,11 +2,11 @@
 //!
 //! J v̇_m = f − T,  ė = v_m − v,  T = k s(e) + d s′(e) (v_m − v),  Q = T + J v̇,
 //!
-//! s(e) = 0 within the gap |e| ≤ g/2 and e ∓ g/2 beyond, its corners rounded by parabolas over a fiftieth of the gap to each side, between which
-//! nothing acts. g in m or rad; k and d are stiffness and damping of the teeth that touch. J is the inertia on the motor's side, seen at the joint. The mechanism has it in its masses, as
-//! whoever weighed or identified a drive without knowing of its play: J v̇ takes it out of the joint again, so that hard teeth without play
-//! change nothing. Within the play the motor moves by itself, and the rest of the joint without it; then there is an impact. Small
-//! backlash looks like an elastic drive.
+//! s(e) = 0 within the gap |e| ≤ g/2 and e ∓ g/2 beyond, its corners rounded by parabolas over a fiftieth of the gap to each side, between
+//! which nothing acts. g in m or rad; k and d are stiffness and damping of the teeth that touch. J is the inertia on the motor's side, seen
+//! at the joint. The mechanism has it in its masses, as whoever weighed or identified a drive without knowing of its play: J v̇ takes it out
+//! of the joint again, so that hard teeth without play change nothing. Within the play the motor moves by itself, and the rest of the joint
+//! without it; then there is an impact. Small backlash looks like an elastic drive.
 
 use lagrange::Scalar;
 
