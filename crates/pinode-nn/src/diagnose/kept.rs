@@ -174,6 +174,7 @@ impl Study {
             outside,
             substeps,
             left: OnceLock::new(),
+            errors: OnceLock::new(),
         }
     }
 }

@@ -25,6 +25,7 @@ pub(crate) mod kept;
 mod last_resort;
 mod linear;
 mod locate;
+mod longer;
 mod misfit;
 mod numerics;
 mod pushes;
@@ -224,7 +225,7 @@ pub(crate) fn diagnose_into(
         gap::free_runs(study, old, new, &first_guess, spans, &masked)
     };
     let (mut path, mut written, mut gap, mut free_runs) = loop {
-        let (path, written) = write(model, &search, &provenance, file, None)?;
+        let (path, written) = write(model, (&study, &search), &provenance, file, None)?;
         let free_runs = run_free(&study, (&given, &written), HORIZON_S, true);
         let gap = gap::gap(&study, &given, &free_runs, HORIZON_S);
         // Windows without one in which both models stay finite count against what was found; no windows at all say nothing.
@@ -306,7 +307,7 @@ pub(crate) fn diagnose_into(
                     files.commit()?;
                     let network = Some(taught.entry(&name, seed));
                     search.model = taught.fitted;
-                    (path, written) = write(model, &search, &provenance, file, network)?;
+                    (path, written) = write(model, (study, &search), &provenance, file, network)?;
                     free_runs = run_free(study, (&given, &written), HORIZON_S, true);
                     gap = gap::gap(study, &given, &free_runs, HORIZON_S);
                     let learnt = Learnt {
@@ -339,7 +340,7 @@ pub(crate) fn diagnose_into(
     .collect();
     gap.regions = regions::regions(&residuals, &free_runs, &gap.coordinates);
 
-    let effects = write_up::effects(&search, &splits, &names);
+    let effects = write_up::effects((study, &search), &splits, &names);
     let numerics = Numerics {
         set_valued: numerics::set_valued(study, &search.model),
     };
@@ -362,7 +363,7 @@ pub(crate) fn diagnose_into(
         excitation: prepared.excitation,
         unexplained,
         advice,
-        constants: write_up::constants(&search, &names),
+        constants: write_up::constants((study, &search), &names),
         search: write_up::steps(&search, &names),
         numerics,
         provenance,
@@ -388,12 +389,12 @@ pub(crate) fn diagnose_into(
 /// Writes the model with what was found, and reads it back: what is measured is what was written.
 fn write(
     model: &Model,
-    search: &Search,
+    (study, search): (&Study, &Search),
     provenance: &Provenance,
     (out, file_name): (&Path, &str),
     network: Option<NewNetwork>,
 ) -> Result<(PathBuf, Hybrid), Error> {
-    let mut revision = write_up::revision(model, search, provenance);
+    let mut revision = write_up::revision(model, (study, search), provenance);
     revision.network = network;
     let path = model.write_revision(out, file_name, &revision)?;
     let mut written = Hybrid::of(&Model::load(&path)?);

@@ -1,5 +1,7 @@
 //! Forward search for what is missing: screen, refine, accept, prune, revisit.
 
+use std::sync::OnceLock;
+
 use super::candidate::Candidate;
 use super::found::{Found, prune, revisit};
 use super::misfit::explained;
@@ -57,6 +59,7 @@ impl Search {
     /// What was found beside pushes, as it is without them: constants and errors stay, residuals are those of the model itself. `null` is the
     /// model as given, fitted without pushes.
     fn without_pushes(mut self, study: &Study, null: Fitted) -> Self {
+        let errors = OnceLock::from(self.model.standard_errors(study).to_vec());
         let plain = stripped(&self.model);
         let start = null.start(plain.inside.theta.clone());
         let alone = study.fit(plain.hybrid.clone(), start, STATES_ALONE, 0);
@@ -67,6 +70,7 @@ impl Search {
                 ..alone.inside
             },
             left: self.model.left,
+            errors,
             ..alone
         };
         for found in &mut self.found {

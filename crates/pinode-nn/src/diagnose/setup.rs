@@ -162,13 +162,14 @@ pub fn prepare(
     })
 }
 
-/// At most `most` of the windows, evenly spread.
+/// At most `most` of the windows, evenly spread in pairs.
 fn spread_over(windows: Vec<Window>, most: usize) -> Vec<Window> {
-    let n = windows.len();
-    if n <= most {
+    let (pairs, most) = (windows.len().div_ceil(2), most / 2);
+    if pairs <= most {
         return windows;
     }
-    (0..most).map(|i| windows[i * n / most]).collect()
+    let pair = |i: usize| windows.iter().skip(2 * (i * pairs / most)).take(2);
+    (0..most).flat_map(pair).copied().collect()
 }
 
 /// Crossings of the middle by a position, per second and halved; a crossing counts when the motion leaves a fifth of its deviation.
@@ -198,4 +199,25 @@ fn dominant_frequency(observations: &Observations, coordinate: usize) -> f64 {
         time += run.t.last().unwrap_or(&0.0) - run.t.first().unwrap_or(&0.0);
     }
     (0.5 * crossings as f64 / time.max(f64::MIN_POSITIVE)).max(1e-3)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_of_long_logs_are_taken_in_neighbouring_pairs_from_all_of_it() {
+        let all = |n: usize| -> Vec<Window> {
+            (0..n)
+                .map(|k| Window {
+                    run: 0,
+                    first: 10 * k,
+                    count: 10,
+                })
+                .collect()
+        };
+        assert_eq!(spread_over(all(9), 10), all(9));
+        let taken: Vec<usize> = spread_over(all(25), 6).iter().map(|w| w.first).collect();
+        assert_eq!(taken, [0, 10, 80, 90, 160, 170]);
+    }
 }

@@ -67,6 +67,8 @@ pub struct Fitted {
     pub substeps: usize,
     /// What it leaves, once that was asked.
     pub(super) left: OnceLock<Option<Remainder>>,
+    /// Its standard errors, once these were asked.
+    pub(super) errors: OnceLock<Vec<f64>>,
 }
 
 /// From where a fit starts.
@@ -237,6 +239,7 @@ impl Study {
         study.windows.held_out = some(&self.windows.held_out, share);
         let mut fitted = Fitted {
             left: OnceLock::new(),
+            errors: OnceLock::new(),
             ..fitted.clone()
         };
         fitted.inside.states = some(&fitted.inside.states, share);

@@ -95,7 +95,8 @@ pub struct NamedEffect {
 pub struct ParameterValue {
     /// The value.
     pub value: f64,
-    /// Its standard error; `null` when the data do not determine it.
+    /// Its standard error, which has what scatters between windows, and beside effects with states what a fit to windows twice as long
+    /// differs by; `null` when the data do not determine it.
     pub std: Option<f64>,
     /// The unit, `1` for a ratio.
     pub unit: String,

@@ -6,7 +6,7 @@ use super::candidate::Candidate;
 use super::experiment::{self, Split};
 use super::refine::Contender;
 use super::search::Search;
-use super::study::{Comparison, Study};
+use super::study::{Comparison, Fitted, Study};
 use super::verdict::{
     Alternative, Evidence, FittedConstant, Name, NamedEffect, ParameterValue, Provenance,
     RefinedName, Residual, ScreenedName, SearchStep,
@@ -16,11 +16,15 @@ use crate::hybrid::{ConstantId, Hybrid};
 use crate::model::{EffectEntry, Model, Revision, Target};
 
 /// The input model with the found effects, and with all constants as fitted.
-pub fn revision(model: &Model, search: &Search, provenance: &Provenance) -> Revision {
+pub fn revision(
+    model: &Model,
+    (study, search): (&Study, &Search),
+    provenance: &Provenance,
+) -> Revision {
     let fitted = &search.model;
     let theta = &fitted.inside.theta;
     let hybrid = &fitted.hybrid;
-    let errors = Errors::of(search);
+    let errors = Errors::of(&search.model, study);
     let mut revision = Revision::of(model);
     for (i, constant) in hybrid.constants().iter().enumerate() {
         match constant.id {
@@ -104,17 +108,16 @@ pub fn say_smoothing(revision: &mut Revision, hybrid: &Hybrid) {
 }
 
 /// Standard errors by index in θ.
-struct Errors {
-    free: Vec<usize>,
-    errors: Vec<f64>,
+struct Errors<'a> {
+    free: &'a [usize],
+    errors: &'a [f64],
 }
 
-impl Errors {
-    fn of(search: &Search) -> Self {
-        let fit = &search.model.inside;
+impl<'a> Errors<'a> {
+    fn of(fitted: &'a Fitted, study: &Study) -> Self {
         Errors {
-            free: fit.free.clone(),
-            errors: fit.standard_errors(),
+            free: &fitted.inside.free,
+            errors: fitted.standard_errors(study),
         }
     }
 
@@ -125,10 +128,14 @@ impl Errors {
 }
 
 /// The found effects, with the best of the experiments that split them from their rivals.
-pub fn effects(search: &Search, splits: &[Split], inputs: &[String]) -> Vec<NamedEffect> {
+pub fn effects(
+    (study, search): (&Study, &Search),
+    splits: &[Split],
+    inputs: &[String],
+) -> Vec<NamedEffect> {
     let hybrid = &search.model.hybrid;
     let theta = &search.model.inside.theta;
-    let errors = Errors::of(search);
+    let errors = Errors::of(&search.model, study);
     let name = |c: &Candidate| name(c, hybrid, inputs);
     search
         .found
@@ -199,9 +206,9 @@ fn evidence(comparison: &Comparison) -> Evidence {
 }
 
 /// The constants that were not found but moved: masses, gains, zeros, known effects.
-pub fn constants(search: &Search, inputs: &[String]) -> Vec<FittedConstant> {
+pub fn constants((study, search): (&Study, &Search), inputs: &[String]) -> Vec<FittedConstant> {
     let fitted = &search.model;
-    let errors = Errors::of(search);
+    let errors = Errors::of(&search.model, study);
     let is_found = |effect: usize| {
         let placed = fitted.hybrid.effects()[effect];
         search
