@@ -349,7 +349,7 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut DVector<f64>,
     ) -> Result<(), Error> {
-        let solved = match self.joint_by_joint(work) {
+        let solved = match self.forward_by_joints(None, work) {
             Some((engine, machine)) => {
                 engine.forward_dynamics(At { q, v, p }, machine, out.as_mut_slice());
                 out.iter().all(|a| a.is_finite())
@@ -394,7 +394,7 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         out: &mut ForwardDynamicsDerivatives,
     ) -> Result<(), Error> {
         out.acceleration.copy_from_slice(force);
-        if let Some((engine, machine)) = self.joint_by_joint(work) {
+        if let Some((engine, machine)) = self.forward_by_joints(Some(Quantity::Derivatives), work) {
             engine.forward_derivatives(At { q, v, p }, constants, machine, out);
             if out.acceleration.iter().all(|a| a.is_finite()) {
                 return Ok(());
@@ -433,7 +433,9 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut InverseDynamicsGradient,
     ) {
-        if let Some((engine, machine)) = self.engine(work) {
+        if self.program(Quantity::Derivatives).is_none()
+            && let Some((engine, machine)) = self.engine(work)
+        {
             return engine.inverse_gradient(At { q, v, p }, a, weight, machine, out);
         }
         gradient::of_inverse_dynamics(self, (q, v, a), p, weight, work, out);
@@ -449,7 +451,8 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         work: &mut Workspace,
         out: &mut ForwardDynamicsGradient,
     ) -> Result<(), Error> {
-        let Some((engine, machine)) = self.joint_by_joint(work) else {
+        let way = self.forward_by_joints(Some(Quantity::Derivatives), work);
+        let Some((engine, machine)) = way else {
             return gradient::of_forward_dynamics(self, (q, v, force), p, weight, work, out);
         };
         out.acceleration.copy_from_slice(force);
@@ -667,6 +670,18 @@ impl<L: Lagrangian> Dynamics<L> {
     ) -> Option<(&'a Engine, &'a mut Machine)> {
         self.engine(work)
             .filter(|(engine, _)| engine.is_independent())
+    }
+
+    /// The same for the forward dynamics and its derivatives, unless programs of M, the bias force and `more` are shorter.
+    #[inline]
+    fn forward_by_joints<'a>(
+        &'a self,
+        more: Option<Quantity>,
+        work: &'a mut Workspace,
+    ) -> Option<(&'a Engine, &'a mut Machine)> {
+        let mut needed = [Some(Quantity::Equations), more].into_iter().flatten();
+        let short = needed.all(|quantity| self.program(quantity).is_some());
+        self.joint_by_joint(work).filter(|_| !short)
     }
 
     /// The algorithms for trees, whether or not they are the route to the equations.

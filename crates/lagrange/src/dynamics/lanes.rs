@@ -91,7 +91,7 @@ impl<L: Lagrangian> Dynamics<L> {
         work: &mut Workspace,
         out: &mut [Lane],
     ) -> Result<(), Error> {
-        if let Some((engine, machine)) = self.joint_by_joint(work) {
+        if let Some((engine, machine)) = self.forward_by_joints(None, work) {
             engine.forward_dynamics(At { q, v, p }, machine, out);
         } else if self.has_lanes() {
             let mut eight = std::mem::take(&mut work.eight);
@@ -158,7 +158,7 @@ impl<L: Lagrangian> Dynamics<L> {
             return one_by_one::forward_derivatives(self, at, p, constants, work, out);
         }
         out.acceleration.as_mut_slice().copy_from_slice(force);
-        if let Some((engine, machine)) = self.joint_by_joint(work) {
+        if let Some((engine, machine)) = self.forward_by_joints(Some(Quantity::Derivatives), work) {
             engine.forward_derivatives_lanes(At { q, v, p }, constants, machine, out);
             return self.accelerated((q, v), p, work, out.acceleration.as_slice());
         }
@@ -195,9 +195,7 @@ impl<L: Lagrangian> Dynamics<L> {
         work: &mut Workspace,
         out: &mut InverseDynamicsGradient<Lane>,
     ) {
-        if let Some((engine, machine)) = self.engine(work) {
-            engine.inverse_gradient(At { q, v, p }, a, weight, machine, out);
-        } else if self.program(Quantity::Derivatives).is_some() {
+        if self.program(Quantity::Derivatives).is_some() {
             let mut mass = std::mem::take(&mut work.lanes_matrix);
             mass.resize(self.nv() * self.nv(), [0.0; LANES]);
             self.mass_matrix_lanes_into(q, p, work, &mut mass);
@@ -215,6 +213,8 @@ impl<L: Lagrangian> Dynamics<L> {
                 product(processor, weight, by, to.as_mut_slice());
             }
             work.lanes_matrix = mass;
+        } else if let Some((engine, machine)) = self.engine(work) {
+            engine.inverse_gradient(At { q, v, p }, a, weight, machine, out);
         } else {
             one_by_one::inverse_gradient(self, (q, v, a), p, weight, work, out);
         }
@@ -232,7 +232,7 @@ impl<L: Lagrangian> Dynamics<L> {
             return one_by_one::forward_gradient(self, (q, v, force), p, weight, work, out);
         }
         out.acceleration.as_mut_slice().copy_from_slice(force);
-        if let Some((engine, machine)) = self.joint_by_joint(work) {
+        if let Some((engine, machine)) = self.forward_by_joints(Some(Quantity::Derivatives), work) {
             engine.forward_gradient(At { q, v, p }, weight, machine, out);
             return self.accelerated((q, v), p, work, out.acceleration.as_slice());
         }

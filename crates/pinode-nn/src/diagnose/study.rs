@@ -226,24 +226,22 @@ impl Study {
         self.interval * hybrid.fastest_memory(theta, &self.scales) <= RESOLVED * steps
     }
 
-    /// One in `share` of the windows, if they are many enough, and there what a fitted model starts from.
+    /// One in `share` of the seen windows, if they are many enough, none of those held out, and what a fitted model starts from there.
     pub fn some_windows(&self, fitted: &Fitted, share: usize) -> (Study, Fitted) {
-        let many = (self.windows.fit.len() / FEWEST_WINDOWS)
-            .min(self.windows.held_out.len() / (FEWEST_WINDOWS / 2));
-        let share = share.min(many).max(1);
+        let share = share.min(self.windows.fit.len() / FEWEST_WINDOWS).max(1);
         fn some<T: Clone>(all: &[T], share: usize) -> Vec<T> {
             all.iter().step_by(share).cloned().collect()
         }
         let mut study = self.clone();
         study.windows.fit = some(&self.windows.fit, share);
-        study.windows.held_out = some(&self.windows.held_out, share);
+        study.windows.held_out.clear();
         let mut fitted = Fitted {
             left: OnceLock::new(),
             errors: OnceLock::new(),
             ..fitted.clone()
         };
         fitted.inside.states = some(&fitted.inside.states, share);
-        fitted.outside.states = some(&fitted.outside.states, share);
+        fitted.outside.states.clear();
         (study, fitted)
     }
 
