@@ -44,9 +44,22 @@ pub fn advise(
     if let Some(left) = &search.left {
         let coordinates = search.model.hybrid.mechanics().coordinates();
         let joint = &coordinates[left.coordinate].name;
+        let learnt = unexplained.is_some_and(|u| u.learnt.is_some());
+        let therefore = match (learnt, effects.is_empty()) {
+            (true, true) => {
+                "a law is missing that the library has not. The network in the model has learnt it: see what it is like"
+            }
+            (true, false) => {
+                "a law is missing that no accepted effect is. The network in the model has learnt what they leave of it: see what it is like, for \
+                 a name may stand in for part of the law"
+            }
+            (false, true) => "something is missing that no effect explains",
+            (false, false) => {
+                "something is missing that no accepted effect explains, and what was found may stand in for it"
+            }
+        };
         advice.push(format!(
-            "what is left on `{joint}` follows {}: something is missing that no accepted effect explains, and what was found may stand in \
-             for it.",
+            "what is left on `{joint}` follows {}: {therefore}.",
             left.follows.words(joint)
         ));
     } else if verdict != Verdict::NothingMissing && is_unexplained(study, &search.model) {
