@@ -6,7 +6,6 @@ use super::kept::Kept;
 use super::pushes::is_push;
 use super::remainder::{Remainder, remainder};
 use super::score::{Paired, paired, samples_per_window};
-use super::setup::FEWEST_WINDOWS;
 use super::smooth::Smoothed;
 use crate::effect::{Kind, Scales};
 use crate::hybrid::{HiddenPath, Hybrid, Placed};
@@ -24,6 +23,8 @@ const STILL: f64 = 0.1;
 const FORGOTTEN: f64 = 3.0;
 /// Iterations of the initial states alone once the constants that they follow from are known better.
 const STATES_ALONE: usize = 3;
+/// At least so many windows speak for all of them.
+const FEWEST_SOME: usize = 12;
 /// Effects with a memory may take so many times the integration steps of the other ones.
 const MOST_REFINED: usize = 4;
 
@@ -226,9 +227,9 @@ impl Study {
         self.interval * hybrid.fastest_memory(theta, &self.scales) <= RESOLVED * steps
     }
 
-    /// One in `share` of the seen windows, if they are many enough, none of those held out, and what a fitted model starts from there.
+    /// One in `share` of the seen windows, or as many as make [`FEWEST_SOME`], none of those held out, and what a fitted model starts from there.
     pub fn some_windows(&self, fitted: &Fitted, share: usize) -> (Study, Fitted) {
-        let share = share.min(self.windows.fit.len() / FEWEST_WINDOWS).max(1);
+        let share = share.min(self.windows.fit.len() / FEWEST_SOME).max(1);
         fn some<T: Clone>(all: &[T], share: usize) -> Vec<T> {
             all.iter().step_by(share).cloned().collect()
         }
