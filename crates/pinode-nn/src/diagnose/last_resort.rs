@@ -10,10 +10,15 @@ use std::sync::Arc;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::audit::Masked;
+use super::curves::ResidualForce;
+use super::locate::locate;
 use super::search::Search;
+use super::setup::Prepared;
 use super::shapes::Follows;
 use super::study::{Comparison, Fitted, Study};
-use super::verdict::{Learnt, Provenance};
+use super::unexplained::describe;
+use super::verdict::{Learnt, Provenance, Unexplained};
 use crate::digits::number;
 use crate::entries::starts;
 use crate::hybrid::Hybrid;
@@ -68,7 +73,43 @@ pub struct Taught {
     pub law: Option<Law>,
 }
 
-impl Resort<'_> {
+impl<'a> Resort<'a> {
+    /// What is left, in words, and what a network would be taught of it. `None` where too little is.
+    pub fn of(
+        model: &'a Model,
+        (study, search): (&'a Study, &Search),
+        prepared: &Prepared,
+        (masked, inputs): (&Masked, &[String]),
+        interval: f64,
+        seed: u64,
+    ) -> Option<(Unexplained, Self)> {
+        let (smoothed, half_width) = (&prepared.smoothed, prepared.half_width);
+        let fitted = &search.model;
+        let (_, all) = locate(study, fitted, smoothed, half_width, inputs, masked);
+        let coordinates = model.mechanics.coordinates();
+        let left = search.left.as_ref();
+        let there = left.map(|left| coordinates[left.coordinate].name.as_str());
+        let named = |force: &&ResidualForce| Some(force.coordinate.as_str()) == there;
+        let force = all.iter().find(named).or(all.first())?;
+        let c = coordinates
+            .iter()
+            .position(|c| c.name == force.coordinate)?;
+        let left = left.filter(|left| left.coordinate == c);
+        let (words, signals) = describe(study, fitted, (force, c), left, inputs)?;
+        let hint = fitted.hint(study, true);
+        let resort = Resort {
+            model,
+            study,
+            interval,
+            coordinate: c,
+            rms: words.rms,
+            follows: hint.filter(|h| h.coordinate == c).map(|h| h.follows),
+            signals,
+            seed,
+        };
+        Some((words, resort))
+    }
+
     /// Teaches a network beside what was found.
     ///
     /// # Errors

@@ -28,6 +28,7 @@ mod locate;
 mod longer;
 mod misfit;
 mod numerics;
+mod proof;
 mod pushes;
 mod refine;
 mod regions;
@@ -52,20 +53,19 @@ use std::sync::Arc;
 use self::audit::{Audited, Masked, second_look};
 use self::curves::{Curves, ResidualForce};
 use self::kept::Kept;
+use self::last_resort::Resort;
+use self::proof::{Proof, Proved};
 use self::search::Search;
 use self::setup::{Prepared, prepare};
 use self::study::Study;
 use self::verdict::{
-    DataFault, Diagnosis, Disagreement, Learnt, LogProvenance, Numerics, Provenance, Verdict,
+    DataFault, Diagnosis, Disagreement, LogProvenance, Numerics, Provenance, Verdict,
 };
 use crate::Error;
-use crate::disk::Together;
 use crate::effect::Kind;
 use crate::entries::refuse_poses;
-use crate::hybrid::Hybrid;
-use crate::learnt::weights;
 use crate::log::Log;
-use crate::model::{Model, NewNetwork};
+use crate::model::Model;
 
 pub use setup::{FEWEST_WINDOWS, WINDOW_S};
 
@@ -150,16 +150,7 @@ pub(crate) fn diagnose_into(
     means: &Means,
 ) -> Result<Outcome, Error> {
     refuse_poses(model.mechanics.coordinates(), WORK)?;
-    let out = file.0;
-    let all: Vec<&Log> = logs.iter().chain(held_out).collect();
-    for (k, second) in all.iter().enumerate() {
-        if let Some(first) = all[..k].iter().find(|first| first.sha256 == second.sha256) {
-            return Err(Error::SameLog {
-                first: first.path.clone(),
-                second: second.path.clone(),
-            });
-        }
-    }
+    refuse_twice(logs, held_out)?;
     report("reading the log: noise, outliers, gaps");
     let audited = audit::audit(model, logs, held_out);
     let fit_runs = logs.iter().map(|log| log.runs.len()).sum();
@@ -198,50 +189,15 @@ pub(crate) fn diagnose_into(
     }
 
     report("writing the new model and running it free over unseen data");
-    let mut provenance = Provenance {
-        version: env!("CARGO_PKG_VERSION").into(),
-        model: model.path.display().to_string(),
-        logs: logs
-            .iter()
-            .map(|log| (log, false))
-            .chain(held_out.iter().map(|log| (log, true)))
-            .map(|(log, held_out)| LogProvenance {
-                path: log.path.display().to_string(),
-                sha256: log.sha256.clone(),
-                held_out,
-            })
-            .collect(),
-        seed,
-        windows: [study.windows.fit.len(), study.windows.held_out.len()],
-        window_s: prepared.window,
-        substeps: study.substeps,
+    let mut provenance = provenance(model, (logs, held_out), seed, &prepared, &study);
+    let proof = Proof {
+        model,
+        given: search.null.hybrid.clone(),
+        prepared: &prepared,
+        masked: &masked,
+        file,
     };
-    let first_guess = |run: usize, k: usize| prepared.smoothed[run].state(k);
-    let lead = LEAD_S.min(0.5 * prepared.window);
-    let given = search.null.hybrid.clone();
-    let run_free = |study: &Study, (old, new): (&Hybrid, &Hybrid), horizon: f64, shorter: bool| {
-        let (old, new) = ((old, &old.theta()[..]), (new, &new.theta()[..]));
-        let spans = (lead, horizon, shorter);
-        gap::free_runs(study, old, new, &first_guess, spans, &masked)
-    };
-    let (mut path, mut written, mut gap, mut free_runs) = loop {
-        let (path, written) = write(model, (&study, &search), &provenance, file, None)?;
-        let free_runs = run_free(&study, (&given, &written), HORIZON_S, true);
-        let gap = gap::gap(&study, &given, &free_runs, HORIZON_S);
-        // Windows without one in which both models stay finite count against what was found; no windows at all say nothing.
-        let shrinks = gap.windows > 0 && gap.after < gap.before;
-        if search.found.is_empty() || free_runs.is_empty() || shrinks {
-            break (path, written, gap, free_runs);
-        }
-        // Friction that is less sharp may.
-        if let Some((plain, model)) = coarse.take() {
-            study = plain;
-            search.refitted(&study, model);
-            continue;
-        }
-        report("what was found does not shrink the gap on unseen data: it is not added");
-        search.withdraw(&study);
-    };
+    let (study, mut proved) = proof.shrinking(study, coarse, &mut search, &provenance, report)?;
     let study = &study;
     provenance.substeps = study.substeps * study.finer;
     let something_is_left = search.left.is_some() || misfit::is_unexplained(study, &search.model);
@@ -254,90 +210,29 @@ pub(crate) fn diagnose_into(
     } else {
         Verdict::NothingMissing
     };
-    let described = something_is_left
-        .then(|| {
-            let Prepared {
-                smoothed,
-                half_width,
-                ..
-            } = &prepared;
-            let (_, all) =
-                locate::locate(study, &search.model, smoothed, *half_width, &names, &masked);
-            let coordinates = model.mechanics.coordinates();
-            let there = search.left.as_ref();
-            let there = there.map(|left| coordinates[left.coordinate].name.as_str());
-            let named = |left: &&ResidualForce| Some(left.coordinate.as_str()) == there;
-            let force = all.iter().find(named).or(all.first())?;
-            let c = coordinates
-                .iter()
-                .position(|c| c.name == force.coordinate)?;
-            let left = search.left.as_ref().filter(|left| left.coordinate == c);
-            let (words, signals) =
-                unexplained::describe(study, &search.model, (force, c), left, &names)?;
-            let resort = last_resort::Resort {
-                model,
-                study,
-                interval,
-                coordinate: c,
-                rms: words.rms,
-                follows: search
-                    .model
-                    .hint(study, true)
-                    .filter(|hint| hint.coordinate == c)
-                    .map(|hint| hint.follows),
-                signals,
-                seed,
-            };
-            Some((words, resort))
-        })
-        .flatten();
-    let (mut unexplained, resort) = described.unzip();
+    let left = something_is_left.then(|| {
+        Resort::of(
+            model,
+            (study, &search),
+            &prepared,
+            (&masked, &names),
+            interval,
+            seed,
+        )
+    });
+    let (mut unexplained, resort) = left.flatten().unzip();
     if let (Some(unexplained), Some(resort)) = (&mut unexplained, &resort) {
         report("teaching a network what no effect explains");
-        match resort.teach(&search, &provenance) {
-            Ok(taught) => {
-                let mut with = taught.fitted.hybrid.clone();
-                with.set_theta(&taught.fitted.inside.theta);
-                let compared = run_free(study, (&written, &with), HORIZON_S, true);
-                let shrinks = gap::gap(study, &written, &compared, HORIZON_S);
-                if shrinks.windows > 0 && shrinks.after < shrinks.before {
-                    let bytes = weights::to_bytes(&path, &taught.force, &taught.card, false)?;
-                    let mut files = Together::new(out);
-                    let name = files.put_beside(last_resort::WEIGHTS.as_ref(), &bytes)?;
-                    files.commit()?;
-                    let network = Some(taught.entry(&name, seed));
-                    search.model = taught.fitted;
-                    (path, written) = write(model, (study, &search), &provenance, file, network)?;
-                    free_runs = run_free(study, (&given, &written), HORIZON_S, true);
-                    gap = gap::gap(study, &given, &free_runs, HORIZON_S);
-                    let learnt = Learnt {
-                        weights: name,
-                        without: shrinks.before,
-                        with: shrinks.after,
-                        law: taught.law,
-                    };
-                    let said = learnt.sentences(&unexplained.coordinate);
-                    unexplained.sentences.extend(said);
-                    unexplained.learnt = Some(learnt);
-                } else {
-                    unexplained.sentences.push(
-                        "A small network that was taught it does not shrink the free-run errors on unseen data: it is not added."
-                            .to_owned(),
-                    );
-                }
-            }
-            Err(why) => unexplained.sentences.push(why),
-        }
+        let found = (study, &mut search);
+        proof.teach(resort, unexplained, found, &provenance, &mut proved)?;
     }
-    let longer = run_free(study, (&given, &written), horizons::LONG_S, false);
-    gap.horizons = [
-        (&free_runs, horizons::SHORT_S),
-        (&free_runs, HORIZON_S),
-        (&longer, horizons::LONG_S),
-    ]
-    .into_iter()
-    .filter_map(|(runs, horizon)| horizons::horizon(runs, &gap.coordinates, horizon))
-    .collect();
+    proof.add_horizons(study, &mut proved);
+    let Proved {
+        path,
+        mut gap,
+        free_runs,
+        ..
+    } = proved;
     gap.regions = regions::regions(&residuals, &free_runs, &gap.coordinates);
 
     let effects = write_up::effects((study, &search), &splits, &names);
@@ -386,25 +281,44 @@ pub(crate) fn diagnose_into(
     })
 }
 
-/// Writes the model with what was found, and reads it back: what is measured is what was written.
-fn write(
-    model: &Model,
-    (study, search): (&Study, &Search),
-    provenance: &Provenance,
-    (out, file_name): (&Path, &str),
-    network: Option<NewNetwork>,
-) -> Result<(PathBuf, Hybrid), Error> {
-    let mut revision = write_up::revision(model, (study, search), provenance);
-    revision.network = network;
-    let path = model.write_revision(out, file_name, &revision)?;
-    let mut written = Hybrid::of(&Model::load(&path)?);
-    if written.is_stiff() != search.model.hybrid.is_stiff() {
-        // With what was found the default is another than that of the fit.
-        write_up::say_smoothing(&mut revision, &search.model.hybrid);
-        model.write_revision(out, file_name, &revision)?;
-        written = Hybrid::of(&Model::load(&path)?);
+/// A log that is given twice would be seen and unseen.
+fn refuse_twice(logs: &[Log], held_out: &[Log]) -> Result<(), Error> {
+    let all: Vec<&Log> = logs.iter().chain(held_out).collect();
+    for (k, second) in all.iter().enumerate() {
+        if let Some(first) = all[..k].iter().find(|first| first.sha256 == second.sha256) {
+            return Err(Error::SameLog {
+                first: first.path.clone(),
+                second: second.path.clone(),
+            });
+        }
     }
-    Ok((path, written))
+    Ok(())
+}
+
+/// From what all this was found.
+fn provenance(
+    model: &Model,
+    (logs, held_out): (&[Log], &[Log]),
+    seed: u64,
+    prepared: &Prepared,
+    study: &Study,
+) -> Provenance {
+    let seen = logs.iter().map(|log| (log, false));
+    let unseen = held_out.iter().map(|log| (log, true));
+    let of_log = |(log, held_out): (&Log, bool)| LogProvenance {
+        path: log.path.display().to_string(),
+        sha256: log.sha256.clone(),
+        held_out,
+    };
+    Provenance {
+        version: env!("CARGO_PKG_VERSION").into(),
+        model: model.path.display().to_string(),
+        logs: seen.chain(unseen).map(of_log).collect(),
+        seed,
+        windows: [study.windows.fit.len(), study.windows.held_out.len()],
+        window_s: prepared.window,
+        substeps: study.substeps,
+    }
 }
 
 /// The null model on data without their faults.

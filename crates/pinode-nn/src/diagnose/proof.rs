@@ -1,0 +1,186 @@
+//! The proof: the new model is written, read back, and run free over data that no fit has seen. What does not shrink the gap there is not added.
+
+use std::path::{Path, PathBuf};
+
+use super::audit::Masked;
+use super::curves::FreeRun;
+use super::gap;
+use super::last_resort::{Resort, WEIGHTS};
+use super::search::Search;
+use super::setup::Prepared;
+use super::study::{Fitted, Study};
+use super::verdict::{Gap, Learnt, Provenance, Unexplained};
+use super::{HORIZON_S, LEAD_S, horizons, write_up};
+use crate::Error;
+use crate::disk::Together;
+use crate::hybrid::Hybrid;
+use crate::learnt::weights;
+use crate::model::{Model, NewNetwork};
+
+/// What a new model is proved by.
+pub struct Proof<'a> {
+    /// The model as given.
+    pub model: &'a Model,
+    /// The same, fitted within its tolerances.
+    pub given: Hybrid,
+    /// The recordings, and the windows of the fits.
+    pub prepared: &'a Prepared,
+    /// What of them is faulty.
+    pub masked: &'a Masked,
+    /// The folder of the new model, and its name there.
+    pub file: (&'a Path, &'a str),
+}
+
+/// A new model on disk.
+pub struct Proved {
+    /// Its file.
+    pub path: PathBuf,
+    /// The model, read back from there.
+    pub hybrid: Hybrid,
+    /// How far the model as given and this one are from what was measured.
+    pub gap: Gap,
+    /// The runs that say so.
+    pub free_runs: Vec<FreeRun>,
+}
+
+impl Proof<'_> {
+    /// Both models run free over what no fit has seen, each from states that it is fitted to the moment before.
+    fn runs(
+        &self,
+        study: &Study,
+        (old, new): (&Hybrid, &Hybrid),
+        horizon: f64,
+        shorter: bool,
+    ) -> Vec<FreeRun> {
+        let (old, new) = ((old, &old.theta()[..]), (new, &new.theta()[..]));
+        let first_guess = |run: usize, k: usize| self.prepared.smoothed[run].state(k);
+        let lead = LEAD_S.min(0.5 * self.prepared.window);
+        let spans = (lead, horizon, shorter);
+        gap::free_runs(study, old, new, &first_guess, spans, self.masked)
+    }
+
+    /// Writes the model with what was found, reads it back and runs it free: what is measured is what was written.
+    fn write(
+        &self,
+        (study, search): (&Study, &Search),
+        provenance: &Provenance,
+        network: Option<NewNetwork>,
+    ) -> Result<Proved, Error> {
+        let (model, (out, name)) = (self.model, self.file);
+        let mut revision = write_up::revision(model, (study, search), provenance);
+        revision.network = network;
+        let path = model.write_revision(out, name, &revision)?;
+        let mut hybrid = Hybrid::of(&Model::load(&path)?);
+        if hybrid.is_stiff() != search.model.hybrid.is_stiff() {
+            // With what was found the default is another than that of the fit.
+            write_up::say_smoothing(&mut revision, &search.model.hybrid);
+            model.write_revision(out, name, &revision)?;
+            hybrid = Hybrid::of(&Model::load(&path)?);
+        }
+        let free_runs = self.runs(study, (&self.given, &hybrid), HORIZON_S, true);
+        Ok(Proved {
+            gap: gap::gap(study, &self.given, &free_runs, HORIZON_S),
+            path,
+            hybrid,
+            free_runs,
+        })
+    }
+
+    /// The model with what of the search shrinks the gap: all of it; with friction less sharp, as in `coarse`; or nothing. With the study that it was fitted in.
+    ///
+    /// # Errors
+    /// As [`Model::write_revision`] and [`Model::load`].
+    pub fn shrinking(
+        &self,
+        mut study: Study,
+        mut coarse: Option<(Study, Fitted)>,
+        search: &mut Search,
+        provenance: &Provenance,
+        report: &dyn Fn(&str),
+    ) -> Result<(Study, Proved), Error> {
+        loop {
+            let proved = self.write((&study, search), provenance, None)?;
+            if search.found.is_empty() || proved.free_runs.is_empty() || shrinks(&proved.gap) {
+                return Ok((study, proved));
+            }
+            // Friction that is less sharp may.
+            if let Some((plain, model)) = coarse.take() {
+                study = plain;
+                search.refitted(&study, model);
+                continue;
+            }
+            report("what was found does not shrink the gap on unseen data: it is not added");
+            search.withdraw(&study);
+        }
+    }
+
+    /// Teaches a network what is left and adds it where it shrinks the gap; what came of it is said in `unexplained`.
+    ///
+    /// # Errors
+    /// As [`Model::write_revision`] and [`Model::load`]; [`Error::Io`].
+    pub fn teach(
+        &self,
+        resort: &Resort<'_>,
+        unexplained: &mut Unexplained,
+        (study, search): (&Study, &mut Search),
+        provenance: &Provenance,
+        proved: &mut Proved,
+    ) -> Result<(), Error> {
+        let taught = match resort.teach(search, provenance) {
+            Ok(taught) => taught,
+            Err(why) => {
+                unexplained.sentences.push(why);
+                return Ok(());
+            }
+        };
+        let mut with = taught.fitted.hybrid.clone();
+        with.set_theta(&taught.fitted.inside.theta);
+        let compared = self.runs(study, (&proved.hybrid, &with), HORIZON_S, true);
+        let by_network = gap::gap(study, &proved.hybrid, &compared, HORIZON_S);
+        if !shrinks(&by_network) {
+            unexplained.sentences.push(
+                "A small network that was taught it does not shrink the free-run errors on unseen data: it is not added."
+                    .to_owned(),
+            );
+            return Ok(());
+        }
+        let bytes = weights::to_bytes(&proved.path, &taught.force, &taught.card, false)?;
+        let mut files = Together::new(self.file.0);
+        let name = files.put_beside(WEIGHTS.as_ref(), &bytes)?;
+        files.commit()?;
+        let network = Some(taught.entry(&name, resort.seed));
+        search.model = taught.fitted;
+        *proved = self.write((study, search), provenance, network)?;
+        let learnt = Learnt {
+            weights: name,
+            without: by_network.before,
+            with: by_network.after,
+            law: taught.law,
+        };
+        let said = learnt.sentences(&unexplained.coordinate);
+        unexplained.sentences.extend(said);
+        unexplained.learnt = Some(learnt);
+        Ok(())
+    }
+
+    /// The gap over shorter and longer free runs too.
+    pub fn add_horizons(&self, study: &Study, proved: &mut Proved) {
+        let models = (&self.given, &proved.hybrid);
+        let longer = self.runs(study, models, horizons::LONG_S, false);
+        let coordinates = &proved.gap.coordinates;
+        let all = [
+            (&proved.free_runs, horizons::SHORT_S),
+            (&proved.free_runs, HORIZON_S),
+            (&longer, horizons::LONG_S),
+        ];
+        let found = all
+            .into_iter()
+            .filter_map(|(runs, horizon)| horizons::horizon(runs, coordinates, horizon));
+        proved.gap.horizons = found.collect();
+    }
+}
+
+/// Whether the errors are smaller afterwards. Windows without one in which both models stay finite count against what was found.
+fn shrinks(gap: &Gap) -> bool {
+    gap.windows > 0 && gap.after < gap.before
+}
