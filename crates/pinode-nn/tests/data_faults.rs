@@ -288,6 +288,11 @@ fn what_no_effect_explains_is_described_and_learnt() {
         ..Recording::HEALTHY
     };
     let diagnosis = diagnosed(&[recording.rows()]);
+    let advice = diagnosis.advice.join(" ");
+    assert!(
+        advice.contains("The network in the model has learnt"),
+        "{advice}"
+    );
     let left = diagnosis.unexplained.unwrap();
     assert_eq!(left.depends_on[0].signal, "position of x");
     assert!(!left.memory.present, "{:?}", left.memory);

@@ -50,8 +50,8 @@ pub fn advise(
                 "a law is missing that the library has not. The network in the model has learnt it: see what it is like"
             }
             (true, false) => {
-                "a law is missing that no accepted effect is. The network in the model has learnt what they leave of it: see what it is like, for \
-                 a name may stand in for part of the law"
+                "a law is missing that the library has not, for part of which what was found may stand in. The network in the model has \
+                 learnt the rest of it: see what it is like"
             }
             (false, true) => "something is missing that no effect explains",
             (false, false) => {

@@ -100,6 +100,7 @@ impl Proof<'_> {
     ) -> Result<(Study, Proved), Error> {
         loop {
             let proved = self.write((&study, search), provenance, None)?;
+            // No windows at all say nothing.
             if search.found.is_empty() || proved.free_runs.is_empty() || shrinks(&proved.gap) {
                 return Ok((study, proved));
             }
