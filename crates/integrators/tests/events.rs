@@ -700,6 +700,31 @@ fn a_row_that_comes_to_rest_against_a_wall_is_at_rest() {
     wagons(0.0, m, level, between, v, 1.4726693447843286).unwrap();
 }
 
+/// A row held by its wall and two frictions, whose last wagon goes on: the wall and the frictions are asked for one force of three.
+#[test]
+fn a_row_that_several_laws_hold_at_once_has_no_events_without_end() {
+    let m = [
+        2.331157453582583,
+        2.1675211502149603,
+        0.2,
+        2.8932572195525594,
+    ];
+    let level = [
+        0.0,
+        0.9645845556467639,
+        0.3323437121243217,
+        0.7525598136353453,
+    ];
+    let between = [0.5661613817789697, 0.6708377183853138, 0.9068988017780928];
+    let v = [
+        -0.7716001583172356,
+        -0.6756810676763598,
+        -3.4624812978355552,
+        2.2200699480710315,
+    ];
+    wagons(0.0, m, level, between, v, 15.675735763343253).unwrap();
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, cases: 64, ..ProptestConfig::default() })]
 

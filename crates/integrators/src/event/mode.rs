@@ -16,12 +16,10 @@ use crate::{PhaseSpace, Space};
 #[derive(Debug, Clone, Default)]
 pub(super) struct Mode {
     pub contacts: Vec<Contact>,
-    /// The laws at rest; those that depend on others come after these.
+    /// The laws that hold; those that depend on others come after these.
     pub at_rest: Vec<usize>,
     /// Friction that stays at rest whatever it takes.
     pub held: Vec<bool>,
-    /// Friction that is at the end of its box while other laws hold its w·v at 0: no event of its own ends that.
-    pub idle: Vec<bool>,
     pub problem: Complementarity,
     candidates: Vec<usize>,
     border: Vec<usize>,
@@ -35,7 +33,6 @@ impl Mode {
         Mode {
             contacts: vec![Contact::Open; laws],
             held: vec![false; laws],
-            idle: vec![false; laws],
             ..Mode::default()
         }
     }
@@ -89,7 +86,6 @@ impl Mode {
     fn sort(&mut self, laws: &[Law], at: At<'_>, still: &[bool]) {
         self.at_rest.clear();
         self.candidates.clear();
-        self.idle.fill(false);
         for (k, law) in laws.iter().enumerate() {
             let (slip, rounding) = if still[k] { (0.0, 0.0) } else { law.slip(at.v) };
             let contact = match law.kind {
@@ -202,7 +198,8 @@ impl Mode {
                 self.loose.push(row);
             }
             // One that lets go without moving may be held by others.
-            if at_border || (balanced && !fall && !no_box) {
+            let mut held = || depends(&mut self.factor, problem, &problem.free, row);
+            if at_border || (balanced && !no_box && (!fall || held())) {
                 self.border.push(row);
             } else {
                 self.contacts[k] = Contact::Slides(direction);
@@ -211,6 +208,9 @@ impl Mode {
         }
         if falls {
             let contacts = &mut self.contacts;
+            for &row in &self.loose {
+                contacts[self.candidates[row]] = Contact::Sticks;
+            }
             self.candidates
                 .retain(|&k| !matches!(contacts[k], Contact::Slides(_)));
             for &k in &self.candidates {
@@ -222,8 +222,8 @@ impl Mode {
         Ok(falls && !self.candidates.is_empty())
     }
 
-    /// The laws at rest: those that carry, then those at the border; a friction at its border, or without a force, slides along at speed 0
-    /// if others hold it already.
+    /// The laws that hold: those that carry, then those at the border. A friction at its border, or without a force, idles if others hold
+    /// its w·v at 0 already.
     fn list_at_rest(&mut self, let_go: &[bool]) {
         let problem = &self.problem;
         if problem.place.len() != self.candidates.len() {
@@ -243,20 +243,30 @@ impl Mode {
                     continue;
                 }
             };
-            if (depends || let_go[k]) && self.contacts[k] == Contact::Sticks {
-                self.contacts[k] = Contact::Slides(direction);
-                self.idle[k] = depends;
-            } else {
-                self.at_rest.push(k);
+            match self.contacts[k] {
+                Contact::Sticks if depends => self.contacts[k] = Contact::Idles(direction),
+                Contact::Sticks if let_go[k] => self.contacts[k] = Contact::Slides(direction),
+                _ => self.at_rest.push(k),
             }
         }
-        for &loose in &self.loose {
-            let (candidates, contacts) = (&self.candidates, &self.contacts);
-            let resting = || (0..candidates.len()).filter(|&i| contacts[candidates[i]].at_rest());
-            factorise_rows(&mut self.factor, problem, || resting().chain([loose]));
-            self.idle[candidates[loose]] = self.factor.last() == Some(&0.0);
+        self.border.clear();
+        let (candidates, contacts) = (&self.candidates, &mut self.contacts);
+        self.border
+            .extend((0..candidates.len()).filter(|&i| contacts[candidates[i]].at_rest()));
+        for &row in &self.loose {
+            if let Contact::Slides(direction) = contacts[candidates[row]]
+                && depends(&mut self.factor, problem, &self.border, row)
+            {
+                contacts[candidates[row]] = Contact::Idles(direction);
+            }
         }
     }
+}
+
+/// Whether this row of W M⁻¹ Wᵀ depends on those.
+fn depends(factor: &mut Vec<f64>, problem: &Complementarity, those: &[usize], row: usize) -> bool {
+    factorise_rows(factor, problem, || those.iter().copied().chain([row]));
+    factor.last() == Some(&0.0)
 }
 
 /// The factor of W M⁻¹ Wᵀ for these rows, in this order; 0 on its diagonal where one depends on those before it.

@@ -1,6 +1,6 @@
 //! The motion while no contact changes.
 //!
-//! With the laws A at rest and D sliding, M v̇ = f + Σ_{k∈D} w_k λ_k + W_Aᵀ λ and W_A v̇ = 0, and so
+//! With the laws A that hold and D that slide or idle, M v̇ = f + Σ_{k∈D} w_k λ_k + W_Aᵀ λ and W_A v̇ = 0, and so
 //! (W_A M⁻¹ W_Aᵀ) λ = −W_A M⁻¹ (f + Σ_{k∈D} w_k λ_k).
 
 use nalgebra::DMatrix;
@@ -17,6 +17,9 @@ pub(super) enum Contact {
     Slides(Direction),
     /// A friction at rest.
     Sticks,
+    /// A friction at rest because other laws hold its w·v at 0, itself at the end of its box against this direction: it gives its breakaway
+    /// force, and no event of its own ends that.
+    Idles(Direction),
     /// A stop that is not touched.
     Open,
     /// A stop that is leant on.
@@ -24,9 +27,14 @@ pub(super) enum Contact {
 }
 
 impl Contact {
+    /// Whether it holds w·v̇ = 0.
+    pub fn holds(self) -> bool {
+        matches!(self, Contact::Sticks | Contact::Rests)
+    }
+
     /// Whether w·v̇ = 0.
     pub fn at_rest(self) -> bool {
-        matches!(self, Contact::Sticks | Contact::Rests)
+        self.holds() || matches!(self, Contact::Idles(_))
     }
 }
 
@@ -100,7 +108,7 @@ impl<'a, S: ContactSystem> Motion<'a, S> {
         x.split_at(self.space.positions.dim())
     }
 
-    /// M⁻¹ (f + Σ w_k λ_k) of the sliding laws k into `acceleration`, and the factor of M.
+    /// M⁻¹ (f + Σ w_k λ_k) of the laws k that slide or idle into `acceleration`, and the factor of M.
     pub fn free(
         &self,
         time: f64,
@@ -119,17 +127,29 @@ impl<'a, S: ContactSystem> Motion<'a, S> {
             .mass_and_force(time, (q, v), u, memory, mass, acceleration)
             .map_err(|source| ContactError::System { time, source })?;
         for (index, (law, contact)) in self.laws.iter().zip(self.contacts).enumerate() {
-            if let (Kind::Friction { size, .. }, Contact::Slides(direction)) = (&law.kind, *contact)
-            {
-                let speed = direction.sign() * law.slip(v).0;
-                let value = size.sliding(direction, speed, At { time, q, v });
-                // A trial step past the point of rest goes on smoothly, if need be to forces below 0.
-                let sized = if speed < 0.0 { value.abs() } else { value };
-                check_friction(index, direction, time, sized)?;
-                let force = -direction.sign() * value;
-                for (f, w) in acceleration.iter_mut().zip(&law.direction) {
-                    *f += w * force;
+            let Kind::Friction { size, .. } = &law.kind else {
+                continue;
+            };
+            let at = At { time, q, v };
+            let (direction, value) = match *contact {
+                Contact::Slides(direction) => {
+                    let speed = direction.sign() * law.slip(v).0;
+                    let value = size.sliding(direction, speed, at);
+                    // A trial step past the point of rest goes on smoothly, if need be to forces below 0.
+                    let sized = if speed < 0.0 { value.abs() } else { value };
+                    check_friction(index, direction, time, sized)?;
+                    (direction, value)
                 }
+                Contact::Idles(direction) => {
+                    let value = size.breakaway(direction, at);
+                    check_friction(index, direction, time, value)?;
+                    (direction, value)
+                }
+                _ => continue,
+            };
+            let force = -direction.sign() * value;
+            for (f, w) in acceleration.iter_mut().zip(&law.direction) {
+                *f += w * force;
             }
         }
         if let Some((coordinate, value)) = factorise(mass.as_mut_slice(), v.len(), 0.0) {
@@ -214,7 +234,7 @@ impl<'a, S: ContactSystem> Motion<'a, S> {
         time: f64,
         x: &[f64],
         u: &S::Input,
-        (held, idle): (&[bool], &[bool]),
+        held: &[bool],
         work: &mut Work<S::Memory>,
         margin: &mut [f64],
     ) -> Result<f64, ContactError<S::Error>> {
@@ -234,12 +254,11 @@ impl<'a, S: ContactSystem> Motion<'a, S> {
             let force = work.reaction[k];
             let rounding = super::RELEASE * work.reaction_scale[k];
             *margin = match (*contact, &law.kind) {
-                (Contact::Slides(_), _) if idle[k] => f64::INFINITY,
                 (Contact::Slides(direction), Kind::Friction { .. }) => {
                     let (slip, rounding) = law.slip(v);
                     direction.sign() * slip + rounding
                 }
-                (Contact::Slides(_), Kind::Stop { .. }) => f64::INFINITY,
+                (Contact::Slides(_), Kind::Stop { .. }) | (Contact::Idles(_), _) => f64::INFINITY,
                 (Contact::Open, _) => {
                     let (gap, rounding) = law.gap(q);
                     if gap >= -rounding && law.slip(v).0 >= 0.0 {

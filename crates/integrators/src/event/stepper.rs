@@ -193,9 +193,8 @@ impl<S: ContactSystem> EventStepper<S> {
 
     /// What is at rest now is so beyond the digits of v.
     fn note_rest(&mut self) {
-        let idle = self.mode.idle.iter();
-        for ((still, contact), idle) in self.still.iter_mut().zip(&self.mode.contacts).zip(idle) {
-            *still = contact.at_rest() || *idle;
+        for (still, contact) in self.still.iter_mut().zip(&self.mode.contacts) {
+            *still = contact.at_rest();
         }
     }
 
@@ -231,7 +230,7 @@ impl<S: ContactSystem> EventStepper<S> {
                 time,
                 x,
                 u,
-                (&self.mode.held, &self.mode.idle),
+                &self.mode.held,
                 &mut self.work,
                 &mut self.margin,
             )?;
@@ -263,7 +262,7 @@ impl<S: ContactSystem> EventStepper<S> {
             time + h,
             &self.trial,
             u,
-            (&self.mode.held, &self.mode.idle),
+            &self.mode.held,
             &mut self.work,
             &mut self.margin,
         )
@@ -290,7 +289,7 @@ impl<S: ContactSystem> EventStepper<S> {
         for (k, law) in self.laws.iter().enumerate() {
             let happens = self.margin[k] < 0.0;
             let contact = self.mode.contacts[k];
-            self.let_go[k] = happens && contact.at_rest();
+            self.let_go[k] = happens && contact.holds();
             if !happens {
                 continue;
             }
@@ -388,7 +387,8 @@ fn change(before: Contact, now: Contact, slip: f64) -> Option<EventKind> {
     match (before, now) {
         (before, now) if before == now => None,
         (_, Contact::Slides(direction)) => Some(EventKind::Slides(direction)),
-        (_, Contact::Sticks) => Some(EventKind::Sticks),
+        (Contact::Sticks | Contact::Idles(_), Contact::Sticks | Contact::Idles(_)) => None,
+        (_, Contact::Sticks | Contact::Idles(_)) => Some(EventKind::Sticks),
         (_, Contact::Rests) => Some(EventKind::Rests),
         // After an impact the list has that.
         (Contact::Rests, Contact::Open) if slip <= 0.0 => Some(EventKind::LetsGo),
