@@ -347,6 +347,7 @@ impl<T: Real> Chunk<T> {
         let groups = members.len().div_ceil(LANES);
         self.by_theta.fill(0.0);
         self.lambda.fill([0.0; LANES]);
+        self.forget_beyond(learner, groups);
         for step in (0..self.steps).rev() {
             let stands = stands(members, step);
             let with = With {
@@ -394,6 +395,17 @@ impl<T: Real> Chunk<T> {
         }
     }
 
+    /// The gradient is summed over all groups of the tape: those that the windows do not fill have none of the windows before.
+    fn forget_beyond(&mut self, learner: &Learner<T>, groups: usize) {
+        for group in groups..self.groups {
+            for slot in 0..4 * self.steps {
+                for o in 0..learner.outputs.len() {
+                    *self.tape.seed_mut(slot, o, group) = [T::from_f64(0.0); LANES];
+                }
+            }
+        }
+    }
+
     /// The derivative of what one of the windows counts in its sum, see [`Loss::of_window`]; 0 where it has no motion to its end.
     pub fn factor(&self, window: usize) -> f64 {
         let (group, lane) = (window / LANES, window % LANES);
@@ -430,7 +442,6 @@ impl<T: Real> Chunk<T> {
     }
 
     /// ∂/∂ start of one of the windows.
-    #[cfg(test)]
     pub fn by_start_of(&self, window: usize) -> &[f64] {
         &self.by_start[window * self.nx..][..self.nx]
     }
