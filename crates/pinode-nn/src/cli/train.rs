@@ -84,9 +84,12 @@ pub(super) struct Arguments {
     /// Adam's first step [default: 2e-3, falling; with --paper 1e-3, constant]
     #[arg(long, value_name = "X")]
     rate: Option<f64>,
-    /// Stop when so many epochs bring nothing on what is held out [default: 60; with --paper 20]
+    /// Adam stops when so many epochs bring nothing on what is held out [default: 60; with --paper 20]
     #[arg(long, value_name = "N")]
     patience: Option<usize>,
+    /// At most so many rounds of ten steps of L-BFGS on all windows at once after that; they stop when one brings nothing on what is held out
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    polish: usize,
     /// Precision of the network; the mechanics are always f64 [default: f32]
     #[arg(long, value_enum)]
     precision: Option<Precision>,
@@ -135,6 +138,7 @@ impl Arguments {
             ("--batch", self.batch.is_some()),
             ("--rate", self.rate.is_some()),
             ("--patience", self.patience.is_some()),
+            ("--polish", self.polish > 0),
             ("--precision", self.precision.is_some()),
             ("--keep-physics", self.keep_physics),
         ];
@@ -371,6 +375,7 @@ fn options(arguments: &Arguments, seed: u64, model: &Model) -> Result<Options, E
         batch: arguments.batch.unwrap_or(base.batch),
         rate: arguments.rate.unwrap_or(base.rate),
         patience: arguments.patience.unwrap_or(base.patience),
+        polish: arguments.polish,
         single: match arguments.precision {
             Some(precision) => precision == Precision::F32,
             None => base.single,
@@ -402,6 +407,8 @@ fn outputs(out: &Path, count: usize) -> Vec<PathBuf> {
 struct Watch<'a> {
     output: &'a Output,
     epochs: usize,
+    /// Rounds of the polish, at most, and how many are over.
+    rounds: [usize; 2],
     bar: ProgressBar,
     metrics: PathBuf,
     lines: Vec<u8>,
@@ -416,14 +423,15 @@ impl<'a> Watch<'a> {
             true => ProgressBar::hidden(),
             false => ProgressBar::new(options.epochs as u64),
         };
-        if let Ok(style) =
-            ProgressStyle::with_template("{pos}/{len} {elapsed} {msg} (at most {eta} left)")
-        {
+        if let Ok(style) = ProgressStyle::with_template(
+            "{pos}/{len} {elapsed} {msg} (at most {eta} of these left)",
+        ) {
             bar.set_style(style);
         }
         Watch {
             output,
             epochs: options.epochs,
+            rounds: [options.polish, 0],
             bar,
             metrics,
             lines: Vec::new(),
@@ -446,19 +454,36 @@ impl<'a> Watch<'a> {
         if epoch.held_out_diverged > 0 {
             message += &format!(", {} windows held out diverge", epoch.held_out_diverged);
         }
-        self.bar.set_position(epoch.epoch as u64);
+        let (name, done, of) = self.stage(epoch);
+        self.bar.set_position(done as u64);
         self.bar.set_message(message.clone());
         let due = self.told.is_none_or(|told| told.elapsed() > EVERY);
         if self.bar.is_hidden() && due {
-            let left = self.began.elapsed().as_secs_f64() / epoch.epoch as f64
-                * (self.epochs - epoch.epoch) as f64;
+            let left =
+                self.began.elapsed().as_secs_f64() / done as f64 * of.saturating_sub(done) as f64;
             self.output.note(&format!(
-                "epoch {} of {}: {message}, at most {left:.0} s left",
-                epoch.epoch, self.epochs
+                "{name} {done} of {of}: {message}, at most {left:.0} s of these left"
             ));
             self.told = Some(Instant::now());
         }
         Ok(())
+    }
+}
+
+impl Watch<'_> {
+    /// What is going on, how much of it is over, and of how much at most.
+    fn stage(&mut self, epoch: &Epoch) -> (&'static str, usize, usize) {
+        if !epoch.polish {
+            return ("epoch", epoch.epoch, self.epochs);
+        }
+        let [most, over] = &mut self.rounds;
+        if *over == 0 {
+            self.bar.set_length(*most as u64);
+            self.bar.reset();
+            (self.began, self.told) = (Instant::now(), None);
+        }
+        *over += 1;
+        ("round of the polish", *over, *most)
     }
 }
 

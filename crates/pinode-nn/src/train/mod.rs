@@ -1,7 +1,7 @@
 //! Networks that stand for the unknown part of Q, trained through the integrator (PINODE, Roehrl et al. 2020).
 //!
 //! M(q) v̇ + C(q, v) v + G(q) = Q + Q_NN(q, v, u; W) is rolled out over windows of recordings by classical Runge-Kutta, and the loss of the roll-outs
-//! goes down along its exact gradient in W, by Adam. The paper's windows are one sample long and start from the measured state, whose velocities are
+//! goes down along its exact gradient in W, by Adam, and on all windows at once by L-BFGS in the end, where that is asked for ([`Options::polish`]). The paper's windows are one sample long and start from the measured state, whose velocities are
 //! differences of two readings; its loss is then biased by their noise ([`Start::Measured`]). The better ones ([`Start::Fitted`], the default) are
 //! longer, start from states that are fitted to them, compare positions in units of their noise and leave out what the audit of the log calls
 //! faulty; what effects and constants of the model can explain is fitted first and kept out of the network.
@@ -28,6 +28,7 @@ mod data;
 mod loss;
 mod options;
 mod physics;
+mod polish;
 mod session;
 #[cfg(test)]
 mod session_tests;
@@ -148,8 +149,7 @@ fn train_in<T: Real>(
             each(epoch)?;
         }
     }
-    while !session.is_over() {
-        let epoch = session.epoch()?;
+    while let Some(epoch) = session.advance()? {
         if let Some(checkpoint) = checkpoint {
             session.save(&checkpoint.path, &fingerprint)?;
         }

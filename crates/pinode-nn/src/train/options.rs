@@ -38,8 +38,10 @@ pub struct Options {
     pub rate: f64,
     /// Whether it falls along a cosine to a hundredth of that; else it stays.
     pub decays: bool,
-    /// Training ends when so many epochs have brought nothing on the windows held out.
+    /// Adam ends when so many epochs have brought nothing on the windows held out.
     pub patience: usize,
+    /// At most so many rounds of ten steps of L-BFGS on all windows follow Adam's epochs; they end when one brings nothing on the windows held out.
+    pub polish: usize,
     /// Whether the network is computed in 32 bits.
     pub single: bool,
     /// Of the first weights and of the order of the windows.
@@ -77,6 +79,7 @@ impl Options {
             rate: 2e-3,
             decays: true,
             patience: 60,
+            polish: 0,
             single: true,
             seed: 0,
         }

@@ -43,14 +43,17 @@ pub struct Epoch {
     pub diverged: usize,
     /// Windows held out that did: each counts as one a million deviations of the noise away.
     pub held_out_diverged: usize,
-    /// Adam's step.
+    /// Adam's step; 0 in a round of the polish.
     pub rate: f64,
+    /// Whether it was a round of the polish.
+    #[serde(default)]
+    pub polish: bool,
 }
 
 /// A network in training, computed in f32 or f64: [`train`](super::train) goes through its epochs one by one.
 pub struct Session<'a, T: Real> {
     pub(super) recordings: Recordings,
-    options: &'a Options,
+    pub(super) options: &'a Options,
     pub(super) learner: Learner<T>,
     pub(super) adam: Adam<T>,
     pub(super) best: Mlp<T>,
@@ -58,7 +61,7 @@ pub struct Session<'a, T: Real> {
     pub(super) best_theta: Vec<f64>,
     pub(super) history: Vec<Epoch>,
     chunks: Vec<Chunk<T>>,
-    gradient: Vec<T>,
+    pub(super) gradient: Vec<T>,
 }
 
 impl<'a, T: Real> Session<'a, T> {
@@ -116,10 +119,31 @@ impl<'a, T: Real> Session<'a, T> {
         self.history.iter().fold((0, f64::INFINITY), better).0
     }
 
-    /// Whether all epochs are over, or enough of them have brought nothing.
-    pub fn is_over(&self) -> bool {
+    /// What comes next: an epoch of Adam; a round of the polish, when these are over or enough of them have brought nothing; or nothing, when these are,
+    /// too, or the last has brought nothing.
+    fn next(&self) -> Option<Next> {
         let done = self.history.len();
-        done >= self.options.epochs || done - self.best_epoch() >= self.options.patience.max(1)
+        let rounds = self.history.iter().filter(|epoch| epoch.polish).count();
+        let (best, options) = (self.best_epoch(), self.options);
+        if rounds == 0 && done < options.epochs && done - best < options.patience.max(1) {
+            Some(Next::Epoch)
+        } else if rounds < options.polish && (rounds == 0 || best == done) {
+            Some(Next::Polish)
+        } else {
+            None
+        }
+    }
+
+    /// The next epoch of the training, [`epoch`](Self::epoch) or [`polish`](Self::polish); `None` after the last.
+    ///
+    /// # Errors
+    /// As [`epoch`](Self::epoch).
+    pub fn advance(&mut self) -> Result<Option<Epoch>, Error> {
+        Ok(match self.next() {
+            Some(Next::Epoch) => Some(self.epoch()?),
+            Some(Next::Polish) => Some(self.polish()?),
+            None => None,
+        })
     }
 
     /// Learns from all windows once, in an order of this epoch's.
@@ -138,9 +162,7 @@ impl<'a, T: Real> Session<'a, T> {
             if number == 1 {
                 self.look_at_all(&order)?;
             }
-            // What is far is so beside the others: while all are, none is.
-            let typical = self.recordings.seen.median_distance();
-            self.recordings.loss.far = Some(typical.clamp(FAR, FARTHEST));
+            self.see_as_far();
             if number == 1 {
                 // No step of the starts has been made.
                 self.recordings.seen.trust_all();
@@ -158,28 +180,50 @@ impl<'a, T: Real> Session<'a, T> {
             loss += sum;
             diverged += lost;
         }
-        if 2 * diverged > order.len() {
-            return Err(Error::Unfittable {
-                diverged,
-                windows: order.len(),
-            });
+        let rate = self.rate(number as f64 / self.options.epochs as f64);
+        self.end_epoch(loss, diverged, rate)
+    }
+
+    /// What an epoch says whose windows count `loss` together, so many left out; keeps its weights if they are the best.
+    pub(super) fn end_epoch(
+        &mut self,
+        loss: f64,
+        diverged: usize,
+        rate: f64,
+    ) -> Result<Epoch, Error> {
+        let windows = self.windows();
+        if 2 * diverged > windows {
+            return Err(Error::Unfittable { diverged, windows });
         }
-        let loss = self.typical(loss, order.len() - diverged);
+        let loss = self.typical(loss, windows - diverged);
         let (held_out, held_out_diverged) = self.held_out()?;
         let epoch = Epoch {
-            epoch: number,
+            epoch: self.history.len() + 1,
             loss,
             held_out,
             diverged,
             held_out_diverged,
-            rate: self.rate(number as f64 / self.options.epochs as f64),
+            rate,
+            polish: rate == 0.0,
         };
         self.history.push(epoch);
-        if self.best_epoch() == number {
+        if self.best_epoch() == epoch.epoch {
             self.best = self.learner.network.clone();
             self.best_theta.clone_from(&self.recordings.theta);
         }
         Ok(epoch)
+    }
+
+    /// Takes the best network so far, and the constants beside it.
+    pub(super) fn return_to_best(&mut self) {
+        self.learner.network = self.best.clone();
+        self.recordings.set_theta(self.best_theta.clone());
+    }
+
+    /// What is far is so beside the others: while all are, none is.
+    pub(super) fn see_as_far(&mut self) {
+        let typical = self.recordings.seen.median_distance();
+        self.recordings.loss.far = Some(typical.clamp(FAR, FARTHEST));
     }
 
     /// How far all windows that are learnt from are from their measurements.
@@ -207,7 +251,7 @@ impl<'a, T: Real> Session<'a, T> {
     }
 
     /// How many samples the loss of so many windows is summed over.
-    fn terms(&self, windows: usize) -> f64 {
+    pub(super) fn terms(&self, windows: usize) -> f64 {
         let recordings = &self.recordings;
         (windows * (recordings.horizon + 1 - recordings.loss.first)).max(1) as f64
     }
@@ -228,14 +272,32 @@ impl<'a, T: Real> Session<'a, T> {
             let fault = format!("there is no window {index}: there are {windows}");
             return Err(Error::Training(fault));
         }
-        let terms = self.terms(batch.len());
         let fitted = self.options.start == Start::Fitted;
-        let work = if fitted {
-            forth_and_back::<T, true>
+        let (loss, diverged) = if fitted {
+            self.sum_up::<true>(batch)?
         } else {
-            forth_and_back::<T, false>
+            self.sum_up::<false>(batch)?
         };
-        let used = self.in_chunks(Part::Seen, batch, work)?;
+        if fitted {
+            self.move_starts(batch);
+        }
+        let terms = self.terms(batch.len());
+        let mut scale = 1.0 / terms;
+        if fitted {
+            scale *= self.adam.clipping(scale, &self.gradient);
+        }
+        let parameters = self.learner.network.parameters_mut();
+        self.adam.step(rate, scale, &self.gradient, parameters);
+        Ok((loss, diverged))
+    }
+
+    /// The summed loss of a batch and its gradient, and how many windows left the range of mechanisms; with `STARTS` also what the steps of the starts
+    /// need, in the chunks.
+    pub(super) fn sum_up<const STARTS: bool>(
+        &mut self,
+        batch: &[usize],
+    ) -> Result<(f64, usize), Error> {
+        let used = self.in_chunks(Part::Seen, batch, forth_and_back::<T, STARTS>)?;
         let (mut loss, mut diverged) = (0.0, 0);
         for (k, chunk) in self.chunks[..used].iter().enumerate() {
             loss += chunk.loss;
@@ -245,17 +307,19 @@ impl<'a, T: Real> Session<'a, T> {
                 _ => Processor::here().run(Sum(&mut self.gradient, &chunk.gradient)),
             }
         }
-        if fitted {
-            let Recordings { seen, loss, .. } = &mut self.recordings;
-            seen.improve(loss, batch, &mut self.chunks[..used]);
-        }
-        let mut scale = 1.0 / terms;
-        if fitted {
-            scale *= self.adam.clipping(scale, &self.gradient);
-        }
-        let parameters = self.learner.network.parameters_mut();
-        self.adam.step(rate, scale, &self.gradient, parameters);
         Ok((loss, diverged))
+    }
+
+    /// A step of the starts of a batch, after [`sum_up`](Self::sum_up).
+    pub(super) fn move_starts(&mut self, batch: &[usize]) {
+        let Recordings { seen, loss, .. } = &mut self.recordings;
+        let used = batch.len().div_ceil(CHUNK);
+        seen.improve(loss, batch, &mut self.chunks[..used]);
+    }
+
+    /// The chunk of a window of the batch that was summed up last, by its number there, and its number in the chunk.
+    pub(super) fn chunk_of(&mut self, k: usize) -> (&mut Chunk<T>, usize) {
+        (&mut self.chunks[k / CHUNK], k % CHUNK)
     }
 
     /// The typical loss a sample of the windows that are learnt from, and how many diverge, which are left out.
@@ -308,10 +372,14 @@ impl<'a, T: Real> Session<'a, T> {
                 }
             }
         }
-        let samples = self.terms(1);
-        let (lost, _) = self.recordings.loss.of_window(samples * LOST, samples);
-        loss += diverged as f64 * lost;
+        loss += diverged as f64 * self.lost();
         Ok((self.typical(loss, all.len()), diverged))
+    }
+
+    /// What a window counts that leaves the range of mechanisms.
+    pub(super) fn lost(&self) -> f64 {
+        let samples = self.terms(1);
+        self.recordings.loss.of_window(samples * LOST, samples).0
     }
 
     /// The same of a network that gives no force.
@@ -357,6 +425,12 @@ impl<'a, T: Real> Session<'a, T> {
         )
         .map_err(|e| Error::io("the network".as_ref(), std::io::Error::other(e)))
     }
+}
+
+/// What comes next in a training.
+enum Next {
+    Epoch,
+    Polish,
 }
 
 /// The windows that are learnt from, or those held out.

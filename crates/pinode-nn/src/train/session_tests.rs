@@ -12,12 +12,12 @@ use crate::network::Real;
 
 const SLEDGE: &str = include_str!("../../tests/data/known_sledge.toml");
 
-fn sledge() -> Model {
+pub(super) fn sledge() -> Model {
     Model::parse("sledge.toml".as_ref(), SLEDGE.to_owned()).unwrap()
 }
 
 /// A log of 2 kg under a push that goes to and fro, without noise.
-fn log(name: &str, interval: f64, duration: f64, model: &Model) -> Log {
+pub(super) fn log(name: &str, interval: f64, duration: f64, model: &Model) -> Log {
     let mut text = "t,q.x,u.push\n".to_owned();
     for k in 0..(duration / interval) as usize {
         let t = interval * k as f64;
@@ -173,6 +173,7 @@ fn a_network_that_is_worse_than_none_is_warned_of() {
         diverged: 0,
         held_out_diverged: 0,
         rate: 1e-3,
+        polish: false,
     };
     let words = worse_than_none(Some(&epoch), Some(3.5)).unwrap();
     let said = "held out 236110.0000 with it, 3.5000 without";

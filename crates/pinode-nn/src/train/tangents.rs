@@ -3,7 +3,10 @@
 //! S = ∂x/∂x₀ goes from step to step as x does: K_s = A_s (S + a_s h K_{s−1}), S⁺ = S + h/6 (K₁ + 2 K₂ + 2 K₃ + K₄), A_s = ∂f/∂X_s. What is
 //! of the mechanics in A_s is there from the roll-out; what is of the network comes by its reverse pass, one output seeded at a time.
 
+use std::cmp::Ordering;
+
 use lagrange::LANES;
+use nalgebra::DMatrix;
 use pulp::NullaryFnOnce;
 
 use super::adjoint::{Chunk, Learner, Member, NODES, Setting, Stand};
@@ -205,11 +208,31 @@ impl<T: Real> Chunk<T> {
         if factor == 0.0 {
             return;
         }
-        let h = &mut self.tangents.curvature[group * nx * nx..][..nx * nx];
         let n = start.len();
+        self.factorise(window, damping, n);
+        let h = &self.tangents.curvature[group * nx * nx..][..nx * nx];
         let step = &mut self.by_start[window * nx..][..n];
         step.iter_mut().for_each(|step| *step /= -factor);
-        // H + μ diag H = L Lᵀ, L below the diagonal of H.
+        for i in 0..n {
+            let known: f64 = (0..i).map(|k| h[k * nx + i][lane] * step[k]).sum();
+            step[i] = (step[i] - known) / h[i * nx + i][lane];
+        }
+        for i in (0..n).rev() {
+            let known: f64 = (i + 1..n).map(|k| h[i * nx + k][lane] * step[k]).sum();
+            step[i] = (step[i] - known) / h[i * nx + i][lane];
+        }
+        if step.iter().all(|step| step.is_finite()) {
+            for (start, step) in start.iter_mut().zip(step) {
+                *start += *step;
+            }
+        }
+    }
+
+    /// H + μ diag H = L Lᵀ for the first `n` entries of the start of a window, L below the diagonal in the place of H; what no measurement says
+    /// anything about has an infinite pivot.
+    fn factorise(&mut self, window: usize, damping: f64, n: usize) {
+        let (nx, group, lane) = (self.nx, window / LANES, window % LANES);
+        let h = &mut self.tangents.curvature[group * nx * nx..][..nx * nx];
         for j in 0..n {
             let diagonal = h[j * nx + j][lane];
             let mut pivot = diagonal * (1.0 + damping);
@@ -227,19 +250,20 @@ impl<T: Real> Chunk<T> {
                 h[j * nx + i][lane] = entry / root;
             }
         }
-        for i in 0..n {
-            let known: f64 = (0..i).map(|k| h[k * nx + i][lane] * step[k]).sum();
-            step[i] = (step[i] - known) / h[i * nx + i][lane];
-        }
-        for i in (0..n).rev() {
-            let known: f64 = (i + 1..n).map(|k| h[i * nx + k][lane] * step[k]).sum();
-            step[i] = (step[i] - known) / h[i * nx + i][lane];
-        }
-        if step.iter().all(|step| step.is_finite()) {
-            for (start, step) in start.iter_mut().zip(step) {
-                *start += *step;
-            }
-        }
+    }
+
+    /// L of the first `n` entries of the start of a window, L Lᵀ = H + μ diag H the curvature of what it counts; after [`curve`](Self::curve). H is used
+    /// up. Pivots are infinite where nothing is known, and in a window without a motion to its end.
+    pub fn factor_of_curvature(&mut self, window: usize, damping: f64, n: usize) -> DMatrix<f64> {
+        let root = self.factor(window).sqrt();
+        self.factorise(window, damping, n);
+        let (nx, group, lane) = (self.nx, window / LANES, window % LANES);
+        let l = &self.tangents.curvature[group * nx * nx..][..nx * nx];
+        DMatrix::from_fn(n, n, |i, j| match (root == 0.0, i.cmp(&j)) {
+            (true, Ordering::Equal) => f64::INFINITY,
+            (false, Ordering::Equal | Ordering::Greater) => root * l[j * nx + i][lane],
+            _ => 0.0,
+        })
     }
 }
 
