@@ -87,7 +87,7 @@ pub(super) struct Arguments {
     /// Adam stops when so many epochs bring nothing on what is held out [default: 60; with --paper 20]
     #[arg(long, value_name = "N")]
     patience: Option<usize>,
-    /// At most so many rounds of ten steps of L-BFGS on all windows at once after that; they stop when one brings nothing on what is held out
+    /// At most so many rounds of twenty steps of L-BFGS on all windows at once after that; they stop when one brings nothing on what is held out
     #[arg(long, value_name = "N", default_value_t = 0)]
     polish: usize,
     /// Precision of the network; the mechanics are always f64 [default: f32]

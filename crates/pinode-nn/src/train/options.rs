@@ -40,7 +40,7 @@ pub struct Options {
     pub decays: bool,
     /// Adam ends when so many epochs have brought nothing on the windows held out.
     pub patience: usize,
-    /// At most so many rounds of ten steps of L-BFGS on all windows follow Adam's epochs; they end when one brings nothing on the windows held out.
+    /// At most so many rounds of twenty steps of L-BFGS on all windows follow Adam's epochs; they end when one brings nothing on the windows held out.
     pub polish: usize,
     /// Whether the network is computed in 32 bits.
     pub single: bool,
