@@ -134,7 +134,7 @@ impl<'a, T: Real> Session<'a, T> {
         }
     }
 
-    /// The next epoch of the training, [`epoch`](Self::epoch) or [`polish`](Self::polish); `None` after the last.
+    /// The next epoch of the training, [`epoch`](Self::epoch) or a round of the polish; `None` after the last.
     ///
     /// # Errors
     /// As [`epoch`](Self::epoch).
