@@ -62,7 +62,7 @@ impl<T: Real> Session<'_, T> {
         if profile.free > 0 {
             session.recordings.seen.trust_all();
         }
-        session.end_epoch(at.loss, at.diverged, 0.0)
+        session.end_epoch(at.loss, at.diverged, None)
     }
 }
 

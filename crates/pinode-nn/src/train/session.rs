@@ -181,15 +181,16 @@ impl<'a, T: Real> Session<'a, T> {
             diverged += lost;
         }
         let rate = self.rate(number as f64 / self.options.epochs as f64);
-        self.end_epoch(loss, diverged, rate)
+        self.end_epoch(loss, diverged, Some(rate))
     }
 
-    /// What an epoch says whose windows count `loss` together, so many left out; keeps its weights if they are the best.
+    /// What an epoch of Adam's with this last rate, or a round of the polish, says whose windows count `loss` together, so many left out; keeps its
+    /// weights if they are the best.
     pub(super) fn end_epoch(
         &mut self,
         loss: f64,
         diverged: usize,
-        rate: f64,
+        rate: Option<f64>,
     ) -> Result<Epoch, Error> {
         let windows = self.windows();
         if 2 * diverged > windows {
@@ -203,8 +204,8 @@ impl<'a, T: Real> Session<'a, T> {
             held_out,
             diverged,
             held_out_diverged,
-            rate,
-            polish: rate == 0.0,
+            rate: rate.unwrap_or(0.0),
+            polish: rate.is_none(),
         };
         self.history.push(epoch);
         if self.best_epoch() == epoch.epoch {
