@@ -285,7 +285,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { failure_persistence: None, cases: 6, ..ProptestConfig::default() })]
 
-        /// Of weights and starts together, at random places; central differences.
+        /// Of weights and starts together, at random places; differences of the fourth order. The log has next to no noise, and residuals in
+        /// units of it have lost digits.
         #[test]
         fn what_l_bfgs_is_told_is_the_gradient_of_what_it_minimises(seed in 0..1000_u64, fitted: bool) {
             let (model, logs) = (sledge(), [braked()]);
@@ -308,7 +309,7 @@ mod tests {
             }
             let here = profile.look(x.clone()).unwrap();
             let direction: Vec<f64> = (0..n).map(|k| place(7 * k)).collect();
-            for (part, share) in [(0..weights.len(), 1e-5), (weights.len()..n, 1e-3)] {
+            for (part, share) in [(0..weights.len(), 1e-4), (weights.len()..n, 1e-3)] {
                 if part.is_empty() {
                     continue;
                 }
@@ -320,11 +321,12 @@ mod tests {
                     }
                     profile.look(x).unwrap().value
                 };
-                let expected = (at(h) - at(-h)) / (2.0 * h);
+                let mut change = |h: f64| at(h) - at(-h);
+                let expected = (8.0 * change(h) - change(2.0 * h)) / (12.0 * h);
                 let parts = part.clone().map(|k| here.gradient[k] * direction[k]);
                 let found: f64 = parts.sum();
                 let size = rms(&here.gradient[part.clone()]) * (part.len() as f64).sqrt();
-                prop_assert!((found - expected).abs() < 1e-6 * size, "{} {} {}", found, expected, size);
+                prop_assert!((found - expected).abs() < 1e-5 * size, "{} {} {}", found, expected, size);
             }
         }
     }
