@@ -131,22 +131,17 @@ impl<'a, S: ContactSystem> Motion<'a, S> {
                 continue;
             };
             let at = At { time, q, v };
-            let (direction, value) = match *contact {
+            let (direction, value, speed) = match *contact {
                 Contact::Slides(direction) => {
                     let speed = direction.sign() * law.slip(v).0;
-                    let value = size.sliding(direction, speed, at);
-                    // A trial step past the point of rest goes on smoothly, if need be to forces below 0.
-                    let sized = if speed < 0.0 { value.abs() } else { value };
-                    check_friction(index, direction, time, sized)?;
-                    (direction, value)
+                    (direction, size.sliding(direction, speed, at), speed)
                 }
-                Contact::Idles(direction) => {
-                    let value = size.breakaway(direction, at);
-                    check_friction(index, direction, time, value)?;
-                    (direction, value)
-                }
+                Contact::Idles(direction) => (direction, size.breakaway(direction, at), 0.0),
                 _ => continue,
             };
+            // A trial step past the point of rest goes on smoothly, if need be to forces below 0.
+            let sized = if speed < 0.0 { value.abs() } else { value };
+            check_friction(index, direction, time, sized)?;
             let force = -direction.sign() * value;
             for (f, w) in acceleration.iter_mut().zip(&law.direction) {
                 *f += w * force;

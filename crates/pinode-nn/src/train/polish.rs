@@ -46,7 +46,7 @@ impl<T: Real> Session<'_, T> {
         let profile = RefCell::new(profile);
         // Whatever it ends with, the best of the weights that it asked for are kept.
         let ended = solver().and_then(|solver| {
-            Executor::new(Loss(&profile), solver)
+            Executor::new(Objective(&profile), solver)
                 .configure(|state| state.param(first).max_iters(STEPS))
                 .run()
                 .map(|_| ())
@@ -60,7 +60,9 @@ impl<T: Real> Session<'_, T> {
         let at = profile.look(best.x)?;
         let session = profile.session;
         if profile.free > 0 {
+            // The network is another one: how well starts did with the one before says nothing.
             session.recordings.seen.trust_all();
+            session.recordings.held_out.trust_all();
         }
         session.end_epoch(at.loss, at.diverged, None)
     }
@@ -227,9 +229,9 @@ impl<'s, 'a, T: Real> Profile<'s, 'a, T> {
 }
 
 /// What L-BFGS asks.
-struct Loss<'p, 's, 'a, T: Real>(&'p RefCell<Profile<'s, 'a, T>>);
+struct Objective<'p, 's, 'a, T: Real>(&'p RefCell<Profile<'s, 'a, T>>);
 
-impl<T: Real> CostFunction for Loss<'_, '_, '_, T> {
+impl<T: Real> CostFunction for Objective<'_, '_, '_, T> {
     type Param = Vector;
     type Output = f64;
 
@@ -238,7 +240,7 @@ impl<T: Real> CostFunction for Loss<'_, '_, '_, T> {
     }
 }
 
-impl<T: Real> Gradient for Loss<'_, '_, '_, T> {
+impl<T: Real> Gradient for Objective<'_, '_, '_, T> {
     type Param = Vector;
     type Gradient = Vector;
 
@@ -252,10 +254,14 @@ mod tests {
     #![allow(clippy::unwrap_used)]
 
     use proptest::prelude::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::StandardNormal;
 
-    use super::super::session_tests::{log, sledge};
+    use super::super::session_tests::{log_of, sledge};
     use super::super::{Checkpoint, Options, Training, train};
     use super::*;
+    use crate::log::Log;
 
     fn options(start: Start) -> Options {
         Options {
@@ -277,16 +283,25 @@ mod tests {
         (x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64).sqrt()
     }
 
-    /// A drag that the model lacks makes the loss large.
-    fn braked() -> crate::log::Log {
-        log("log.csv", 0.02, 20.0, &sledge())
+    /// x = sin t + ½ sin 2.3 t of 2 kg with a drag of 1.5 N·s/m that the model lacks, read to 1 mm.
+    fn braked() -> Log {
+        let noise = RefCell::new(ChaCha8Rng::seed_from_u64(1));
+        let read = |t: f64| {
+            let noise: f64 = noise.borrow_mut().sample(StandardNormal);
+            t.sin() + 0.5 * (2.3 * t).sin() + 1e-3 * noise
+        };
+        let push = |t: f64| {
+            let v = t.cos() + 1.15 * (2.3 * t).cos();
+            let a = -t.sin() - 2.645 * (2.3 * t).sin();
+            2.0 * a + 1.5 * v
+        };
+        log_of("log.csv", 0.02, 60.0, &sledge(), (&read, &push))
     }
 
     proptest! {
         #![proptest_config(ProptestConfig { failure_persistence: None, cases: 6, ..ProptestConfig::default() })]
 
-        /// Of weights and starts together, at random places; differences of the fourth order. The log has next to no noise, and residuals in
-        /// units of it have lost digits.
+        /// Of weights and starts together, at random places; differences of the fourth order.
         #[test]
         fn what_l_bfgs_is_told_is_the_gradient_of_what_it_minimises(seed in 0..1000_u64, fitted: bool) {
             let (model, logs) = (sledge(), [braked()]);
@@ -326,7 +341,7 @@ mod tests {
                 let parts = part.clone().map(|k| here.gradient[k] * direction[k]);
                 let found: f64 = parts.sum();
                 let size = rms(&here.gradient[part.clone()]) * (part.len() as f64).sqrt();
-                prop_assert!((found - expected).abs() < 1e-5 * size, "{} {} {}", found, expected, size);
+                prop_assert!((found - expected).abs() < 1e-6 * size, "{} {} {}", found, expected, size);
             }
         }
     }

@@ -275,15 +275,13 @@ impl<'a, T: Real> Session<'a, T> {
         }
         let fitted = self.options.start == Start::Fitted;
         let (loss, diverged) = if fitted {
-            self.sum_up::<true>(batch)?
+            let sums = self.sum_up::<true>(batch)?;
+            self.move_starts(batch);
+            sums
         } else {
             self.sum_up::<false>(batch)?
         };
-        if fitted {
-            self.move_starts(batch);
-        }
-        let terms = self.terms(batch.len());
-        let mut scale = 1.0 / terms;
+        let mut scale = 1.0 / self.terms(batch.len());
         if fitted {
             scale *= self.adam.clipping(scale, &self.gradient);
         }

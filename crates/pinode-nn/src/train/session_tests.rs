@@ -17,12 +17,27 @@ pub(super) fn sledge() -> Model {
 }
 
 /// A log of 2 kg under a push that goes to and fro, without noise.
-pub(super) fn log(name: &str, interval: f64, duration: f64, model: &Model) -> Log {
+fn log(name: &str, interval: f64, duration: f64, model: &Model) -> Log {
+    // x = sin t: 2 ẍ = −2 sin t.
+    let motion: Motion<'_> = (&|t| t.sin(), &|t| -2.0 * t.sin());
+    log_of(name, interval, duration, model, motion)
+}
+
+/// What is read of x, m, and the push, N, at a time, s.
+pub(super) type Motion<'a> = (&'a dyn Fn(f64) -> f64, &'a dyn Fn(f64) -> f64);
+
+/// A log of such a motion; the push is held from sample to sample.
+pub(super) fn log_of(
+    name: &str,
+    interval: f64,
+    duration: f64,
+    model: &Model,
+    (read, push): Motion<'_>,
+) -> Log {
     let mut text = "t,q.x,u.push\n".to_owned();
     for k in 0..(duration / interval) as usize {
         let t = interval * k as f64;
-        // x = sin t: 2 ẍ = −2 sin t, held from sample to sample.
-        text += &format!("{t},{},{}\n", t.sin(), -2.0 * (t + 0.5 * interval).sin());
+        text += &format!("{t},{},{}\n", read(t), push(t + 0.5 * interval));
     }
     let channels = Channels {
         coordinates: model.mechanics.coordinates(),
@@ -226,4 +241,29 @@ fn steps_of_training_allocate_nothing() {
             assert_eq!(taken::<f32>(&training, options), [0, 1]);
         }
     });
+}
+
+/// Groups of a chunk beyond the windows of a batch kept the adjoints of the batch before: the last batch of an epoch learnt from it again.
+#[test]
+fn the_gradient_of_a_batch_does_not_depend_on_the_one_before() {
+    let model = sledge();
+    let logs = [log("log.csv", 0.02, 40.0, &model)];
+    let training = Training {
+        model: &model,
+        logs: &logs,
+        held_out: &[],
+    };
+    let options = options();
+    let gradient_after = |before: Option<usize>| {
+        let mut session = Session::<f64>::new(&training, &options).unwrap();
+        if let Some(windows) = before {
+            let batch: Vec<usize> = (0..windows).collect();
+            session.sum_up::<true>(&batch).unwrap();
+        }
+        session.sum_up::<true>(&[40, 41, 42]).unwrap();
+        session.gradient.clone()
+    };
+    let alone = gradient_after(None);
+    assert!(alone.iter().any(|g| *g != 0.0));
+    assert_eq!(gradient_after(Some(options.batch)), alone);
 }
