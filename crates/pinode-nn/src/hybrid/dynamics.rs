@@ -320,10 +320,3 @@ pub struct Memory {
     pub(super) momenta: Momenta,
     pub(super) networks: NetworkMemory,
 }
-
-impl Memory {
-    /// ∂v̇/∂Q = M⁻¹ of the last [`Hybrid::linearize`], with what the effects add to M, column after column.
-    pub fn response(&self) -> &[f64] {
-        self.by.by_force.as_slice()
-    }
-}

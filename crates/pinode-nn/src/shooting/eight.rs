@@ -28,9 +28,9 @@ pub(crate) struct EightRoller<'a> {
     /// (x, S) at the beginning of the step.
     pub(super) base: Vec<Lane>,
     /// (x, S) at a stage of it.
-    point: Vec<Lane>,
+    pub(super) point: Vec<Lane>,
     /// k₁ + 2 k₂ + 2 k₃ + k₄.
-    sum: Vec<Lane>,
+    pub(super) sum: Vec<Lane>,
     /// One column of a slope.
     slope: Vec<Lane>,
     /// Of a model that needs it.
@@ -258,8 +258,58 @@ pub(super) fn alike<'m, 'a>(members: &'m [Member<'a>], most: usize) -> Vec<&'m [
     runs.flat_map(|run| run.chunks(most)).collect()
 }
 
-/// The roll-outs of windows, in their order, eight at once and in threads; none where they diverge. Where one of eight does, all of them
-/// are rolled out one after the other. Results depend on the groups by rounding, those of
+impl EightRoller<'_> {
+    /// Which of the eight had left the range of any mechanism when the last roll-out ended.
+    fn lost(&self) -> [bool; LANES] {
+        let all = || self.base.iter().chain(&self.point);
+        std::array::from_fn(|lane| all().any(|x| Diverged::check(&[x[lane]]).is_err()))
+    }
+
+    /// The roll-outs of up to eight windows; none where they diverge. Those that are lost on the way are left out, and the others rolled out without
+    /// them; where it does not show which of them it is, all are rolled out by `one` after the other.
+    fn roll_each(
+        &mut self,
+        theta: &[f64],
+        members: &[Member<'_>],
+        derivatives: bool,
+        one: &mut Roller<'_>,
+    ) -> Vec<Option<Trajectory>> {
+        let mut rolled = vec![None; members.len()];
+        let mut left: Vec<usize> = (0..members.len()).collect();
+        while !left.is_empty() {
+            let some: Vec<Member> = left.iter().map(|&k| members[k]).collect();
+            let mut out = vec![Trajectory::default(); some.len()];
+            let at_once = match derivatives {
+                true => self.roll_with_sensitivities(theta, &some, &mut out),
+                false => self.roll(theta, &some, &mut out),
+            };
+            if at_once.is_ok() {
+                for (k, own) in left.drain(..).zip(out) {
+                    rolled[k] = Some(own);
+                }
+                break;
+            }
+            let (lost, mut lane) = (self.lost(), 0..);
+            let before = left.len();
+            left.retain(|_| lane.next().is_none_or(|lane: usize| !lost[lane]));
+            if left.len() == before {
+                for k in left.drain(..) {
+                    let (inputs, span, initial) =
+                        (members[k].inputs, members[k].span, members[k].initial);
+                    let mut own = Trajectory::default();
+                    let alone = match derivatives {
+                        true => one.roll_with_sensitivities(theta, inputs, span, initial, &mut own),
+                        false => one.roll(theta, inputs, span, initial, &mut own),
+                    };
+                    rolled[k] = alone.is_ok().then_some(own);
+                }
+            }
+        }
+        rolled
+    }
+}
+
+/// The roll-outs of windows, in their order, eight at once and in threads; none where they diverge. Results depend on the groups by rounding, those of
 /// stiff models by what their stages are solved to, on the number of threads not at all.
 pub(crate) fn roll_all(
     (hybrid, theta, free): (&Hybrid, &[f64], &[usize]),
@@ -271,23 +321,7 @@ pub(crate) fn roll_all(
     groups
         .into_par_iter()
         .map_init(rollers, |(eight, one), members| {
-            let mut rolled = vec![Trajectory::default(); members.len()];
-            let at_once = match derivatives {
-                true => eight.roll_with_sensitivities(theta, members, &mut rolled),
-                false => eight.roll(theta, members, &mut rolled),
-            };
-            let one_by_one = |(member, mut own): (&Member, Trajectory)| {
-                let (inputs, span, initial) = (member.inputs, member.span, member.initial);
-                let rolled = match derivatives {
-                    true => one.roll_with_sensitivities(theta, inputs, span, initial, &mut own),
-                    false => one.roll(theta, inputs, span, initial, &mut own),
-                };
-                rolled.is_ok().then_some(own)
-            };
-            match at_once {
-                Ok(()) => rolled.into_iter().map(Some).collect::<Vec<_>>(),
-                Err(_) => members.iter().zip(rolled).map(one_by_one).collect(),
-            }
+            eight.roll_each(theta, members, derivatives, one)
         })
         .flatten_iter()
         .collect()
@@ -497,7 +531,25 @@ mod tests {
         let mut out = vec![Trajectory::default(); 8];
         let mut eight = EightRoller::new(&hybrid, &[]);
         eight.roll(&theta, &members, &mut out).unwrap();
+        let undisturbed = out[0].states.clone();
         members[5] = member(&wild[..]);
         assert!(eight.roll(&theta, &members, &mut out).is_err());
+        // The others are what they are without it, with derivatives and without.
+        let lost: Vec<usize> = (0..8).filter(|&lane| eight.lost()[lane]).collect();
+        assert_eq!(lost, [5]);
+        for derivatives in [false, true] {
+            let rolled = roll_all((&hybrid, &theta, &[]), &members, derivatives);
+            for (lane, rolled) in rolled.iter().enumerate() {
+                let Some(rolled) = rolled else {
+                    assert_eq!(lane, 5);
+                    continue;
+                };
+                let both = rolled.states.iter().zip(&undisturbed);
+                assert!(
+                    both.into_iter().all(|(a, b)| (a - b).abs() < 1e-12),
+                    "{lane}"
+                );
+            }
+        }
     }
 }

@@ -133,10 +133,19 @@ fn damped_step(
 
 /// The damping to start with, relative to the diagonal. What data hardly determine is left to the priors: it must not hold that back.
 const FIRST_DAMPING: f64 = 1e-6;
+/// The least damping there is.
+const LEAST: f64 = 1e-9;
 /// The least damping after a step that raised the loss, how fast it grows from there, and how often one step is tried.
 const LEAST_AFTER: f64 = 1e-3;
 const HARDER: f64 = 30.0;
 const TRIALS: usize = 5;
+
+/// The damping after a step that gained `share` of what its equations promised (Nielsen, "Damping parameter in Marquardt's method", IMM-REP-1999-05):
+/// a tenth where that was all, more than before where it was less than half.
+fn eased(damping: f64, share: f64) -> f64 {
+    let factor = 1.0 - (2.0 * share.clamp(0.0, 1.0) - 1.0).powi(3);
+    (damping * factor.max(0.1)).max(LEAST)
+}
 
 /// Fits θ_free and the initial states to the windows, from the model's θ and the states given.
 ///
@@ -182,7 +191,7 @@ pub fn fit(
             .into_iter()
             .map(|r| r.map(|r| r.state_step))
             .collect();
-        now = of.stepped(&theta, &now, &steps, &sigma);
+        now = of.stepped(&theta, &now, &steps, &sigma, None);
         if of.free.is_empty() && !free.is_empty() {
             forget(&mut now);
         }
@@ -198,7 +207,8 @@ pub fn fit(
     for _ in 0..options.iterations {
         let reduced = problem.reduced(&theta, &mut now, &sigma);
         let (s, g) = problem.assemble(&theta, &reduced);
-        let mut accepted = false;
+        let by_states: f64 = reduced.iter().flatten().map(|r| r.state_gain).sum();
+        let (mut accepted, mut held_back) = (false, false);
         let before = loss;
         for _ in 0..TRIALS {
             let d = damped_step(&problem, &theta, &s, &g, damping);
@@ -211,13 +221,16 @@ pub fn fit(
                 .iter()
                 .map(|r| r.as_ref().map(|r| &r.state_step - &r.state_by_theta * &d))
                 .collect();
-            let stepped = problem.stepped(&trial, &now, &steps, &sigma);
+            let relief = problem.prior_loss(&theta) - problem.prior_loss(&trial);
+            let stepped = problem.stepped(&trial, &now, &steps, &sigma, Some(relief));
             let trial_loss = total(&trial, &stepped, &sigma);
             if trial_loss < loss {
+                held_back = damping > LEAST_AFTER;
+                let promised = by_states + g.dot(&d) - 0.5 * d.dot(&(&s * &d));
+                damping = eased(damping, (loss - trial_loss) / promised);
                 theta = trial;
                 now = stepped;
                 loss = trial_loss;
-                damping = (damping * 0.1).max(1e-9);
                 accepted = true;
                 break;
             }
@@ -237,8 +250,9 @@ pub fn fit(
         sigma = new_sigma;
         loss = total(&theta, &now, &sigma);
         let idle = decrease < 0.3 + 1e-4 * before;
-        // A median that goes to and fro between two residuals moves nothing: a second step that gains nothing ends the fit as well.
-        if idle && (change < 3e-3 || was_idle) {
+        // A median that goes to and fro between two residuals moves nothing: a second step that gains nothing ends the fit as well. A short one says
+        // nothing.
+        if idle && !held_back && (change < 3e-3 || was_idle) {
             converged = true;
             break;
         }
@@ -313,6 +327,17 @@ fn spread(channels: &[Channel], now: &[Rolled]) -> Vec<f64> {
 mod tests {
     use super::*;
 
+    #[test]
+    fn damping_falls_after_steps_that_keep_their_promise_and_grows_after_others() {
+        assert_eq!(eased(1.0, 1.0), 0.1);
+        assert_eq!(eased(1.0, 0.5), 1.0);
+        assert_eq!(eased(1.0, 0.0), 2.0);
+        assert_eq!(eased(1e-9, 1.0), LEAST);
+        // What promised nothing and gained something kept its promise.
+        assert_eq!(eased(1.0, f64::INFINITY), 0.1);
+        assert_eq!(eased(1.0, f64::NAN), 0.1);
+    }
+
     /// A mean of n numbers x: S_w = 1, g_w = x_w − mean. Without x_w it is the mean less g_w / (n − 1), and the spread of these about it is the
     /// error: Σ g² / (n − 1)².
     #[test]
@@ -326,6 +351,7 @@ mod tests {
             g: DVector::from_element(1, x - mean),
             state_step: DVector::zeros(0),
             state_by_theta: DMatrix::zeros(0, 1),
+            state_gain: 0.0,
             determined: 0.0,
         };
         let pulls = x

@@ -40,6 +40,8 @@ pub struct Reduced {
     pub state_step: DVector<f64>,
     /// A⁻¹ B: how the initial state follows θ.
     pub state_by_theta: DMatrix<f64>,
+    /// ½ g_lᵀ A⁻¹ g_l: what the step of the initial state promises at fixed θ, nats.
+    pub state_gain: f64,
     /// How many of the states with a prior the window itself determines, between none and all of them.
     pub determined: f64,
 }
@@ -238,6 +240,7 @@ impl WindowNormal {
         Some(Reduced {
             s: &self.c - self.b.transpose() * &state_by_theta,
             g: &self.gg - self.b.transpose() * &state_step,
+            state_gain: 0.5 * self.gl.dot(&state_step),
             state_step,
             state_by_theta,
             determined,

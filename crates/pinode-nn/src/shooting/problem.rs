@@ -10,6 +10,8 @@ use crate::hybrid::{DrivenInputs, Hybrid, Reading};
 
 /// The loss of a window whose roll-out diverges.
 const DIVERGED_LOSS: f64 = 1e9;
+/// A step of θ that lowers the loss may raise that of a window by so many nats and this share of it: the others gain more.
+const RISE: (f64, f64) = (3.0, 0.05);
 
 /// A window's initial state and the roll-out from it.
 #[derive(Debug, Clone)]
@@ -178,7 +180,7 @@ impl<'a> Problem<'a> {
             .collect();
         let trajectories = roll_all((self.hybrid, at.theta, self.free), &members, derivatives);
         starts
-            .into_iter()
+            .into_par_iter()
             .zip(trajectories)
             .map(|((index, state), trajectory)| {
                 let residuals = trajectory.as_ref().map(|trajectory| {
@@ -290,15 +292,18 @@ impl<'a> Problem<'a> {
 
     /// The roll-outs after a step of every initial state: the full one where it does not raise the loss above the present one, else
     /// the best of full, short and none. A full step is rolled out with derivatives: most often the next equations are made there.
+    ///
+    /// `relief` is by how much θ has come closer to what was known of it, nats; none where θ has made no step.
     pub fn stepped(
         &self,
         theta: &[f64],
         present: &[Rolled],
         steps: &[Option<DVector<f64>>],
         sigma: &[f64],
+        relief: Option<f64>,
     ) -> Vec<Rolled> {
         let at = self.at(theta);
-        let limits: Vec<f64> = present.iter().map(|rolled| rolled.loss(sigma)).collect();
+        let mut limits: Vec<f64> = present.iter().map(|rolled| rolled.loss(sigma)).collect();
         let mut best: Vec<Option<(f64, Rolled)>> = vec![None; present.len()];
         for fraction in [1.0, 0.3, 0.0] {
             let starts: Vec<(usize, Vec<f64>)> = present
@@ -330,6 +335,9 @@ impl<'a> Problem<'a> {
                 if best[index].as_ref().is_none_or(|(least, _)| loss < *least) {
                     best[index] = Some((loss, rolled));
                 }
+            }
+            if fraction == 1.0 && relief.is_some_and(|relief| lowers(&best, &limits, relief)) {
+                limits.iter_mut().for_each(|l| *l += RISE.0 + RISE.1 * *l);
             }
         }
         best.into_iter()
@@ -380,6 +388,13 @@ impl<'a> Problem<'a> {
         }
         (s, g)
     }
+}
+
+/// Whether all windows together have lost less than `relief`.
+fn lowers(stepped: &[Option<(f64, Rolled)>], present: &[f64], relief: f64) -> bool {
+    let losses = stepped.iter().zip(present);
+    let rise = losses.map(|(stepped, present)| stepped.as_ref().map_or(0.0, |s| s.0 - present));
+    rise.sum::<f64>() < relief
 }
 
 /// θ, and what follows from it for all windows.

@@ -1,55 +1,11 @@
 //! Roll-outs taken apart into their steps.
 
-use integrators::Method;
 use lagrange::LANES;
 use rayon::prelude::*;
 
 use super::eight::{EightRoller, Member, alike};
-use super::{Diverged, Roller, Trajectory, Variation};
-use crate::hybrid::{DrivenInputs, Eight, Hybrid, Memory};
-
-impl Roller<'_> {
-    /// As [`roll_with_sensitivities`](Self::roll_with_sensitivities), and keeps the single steps.
-    pub(crate) fn roll_step_by_step(
-        &mut self,
-        theta: &[f64],
-        member: &Member<'_>,
-    ) -> Result<(Trajectory, Variation), Diverged> {
-        let Member {
-            inputs,
-            span: (first, count),
-            initial,
-        } = *member;
-        let nx = initial.len();
-        let system = self.with_sensitivities(theta, inputs, initial);
-        let substeps = inputs.grid.substeps;
-        let mut kept = Kept::new(self.hybrid, member, self.columns());
-        let mut middle = vec![0.0; nx];
-        for sample in first..first + count - 1 {
-            for step in sample * substeps..(sample + 1) * substeps {
-                let (a, b) = (inputs.grid.bounds[step], inputs.grid.bounds[step + 1]);
-                middle.copy_from_slice(&self.state[..nx]);
-                unit(nx, &mut self.state[nx..]);
-                let (state, memory) = (&mut self.state, &mut self.memory);
-                Method::step(&mut self.rk4, &system, a, b - a, &step, memory, state)?;
-                let (x, own) = self.state.split_at(nx);
-                for (m, x) in middle.iter_mut().zip(x) {
-                    *m = 0.5 * (*m + x);
-                }
-                kept.step(own);
-                kept.middle(self.hybrid, (theta, inputs, step), &middle, memory);
-                let state = self.hybrid.parts(&middle);
-                self.hybrid
-                    .linearize(state, theta, &[], inputs, step, memory)
-                    .map_err(Diverged::Dynamics)?;
-                kept.steps.responses.extend_from_slice(memory.response());
-            }
-            Diverged::check(&self.state[..nx])?;
-            kept.sample(&self.state[..nx]);
-        }
-        Ok((kept.out, kept.steps))
-    }
-}
+use super::{Diverged, Trajectory, Variation};
+use crate::hybrid::{DrivenInputs, Eight, EightMemory, Hybrid, Lane, Memory};
 
 /// The derivatives of x in itself, and of nothing else: I, then zeros.
 fn unit(nx: usize, s: &mut [f64]) {
@@ -134,18 +90,11 @@ fn multiply(a: &[f64], b: &[f64], out: &mut [f64]) {
     }
 }
 
-/// The roll-outs of windows, eight at once where the model is stiff, else one after the other; none where they diverge.
+/// The roll-outs of windows, eight at once, one after the other where one of eight diverges; none where they diverge.
 pub(crate) fn roll_steps(
     (hybrid, theta, free): (&Hybrid, &[f64], &[usize]),
     members: &[Member<'_>],
 ) -> Vec<Option<(Trajectory, Variation)>> {
-    if !hybrid.is_stiff() {
-        let one = |member: &Member| {
-            let mut roller = Roller::new(hybrid, free);
-            roller.roll_step_by_step(theta, member).ok()
-        };
-        return members.par_iter().map(one).collect();
-    }
     let together = |members: &[Member]| {
         let mut roller = EightRoller::new(hybrid, free);
         roller.roll_step_by_step(theta, members).ok()
@@ -161,83 +110,112 @@ pub(crate) fn roll_steps(
     groups.flat_map_iter(of_group).collect()
 }
 
+/// One step of eight windows.
+struct OneStep<'a> {
+    /// The step on the grid of each, and whether it ends at a sample.
+    steps: [usize; LANES],
+    ends: bool,
+    /// The state in the middle of the step.
+    middle: &'a [Lane],
+    /// M⁻¹ there, column after column; empty of a stiff model.
+    response: &'a [Lane],
+    /// (x, S) after the step, S from a unit at its beginning: in the state, θ_free and, of a stiff model, the forces (Q, ḣ) along the step.
+    after: &'a [Lane],
+}
+
 impl EightRoller<'_> {
-    /// Steps up to eight windows of a stiff model; after each step `keep` sees of every window the step on its grid and whether it ends at a sample,
-    /// x before the step, and (x, S) after it: S from a unit at its beginning, in the state, θ_free and the forces (Q, ḣ) along the step.
+    /// Steps up to eight windows, step by step.
     fn each_step(
         &mut self,
         theta: &[f64],
         members: &[Member<'_>],
-        mut keep: impl FnMut((usize, usize, bool), (&[f64], &[f64])),
+        mut keep: impl FnMut(&OneStep<'_>),
     ) -> Result<(), Diverged> {
         let Some(last) = members.last() else {
             return Ok(());
         };
         let count = last.span.1;
-        let own = members;
         let members: [&Member; LANES] = std::array::from_fn(|k| members.get(k).unwrap_or(last));
         let inputs = members.map(|member| member.inputs);
         let substeps = last.inputs.grid.substeps;
-        let nx = self.hybrid.nx();
-        let columns = 1 + nx + self.free.len() + nx - self.hybrid.nv();
-        self.base.clear();
-        self.base.resize(columns * nx, [0.0; LANES]);
+        let (nx, nv) = (self.hybrid.nx(), self.hybrid.nv());
+        let forces = if self.stiff.is_some() { nx - nv } else { 0 };
+        let columns = 1 + nx + self.free.len() + forces;
+        for lanes in [&mut self.base, &mut self.point, &mut self.sum] {
+            lanes.clear();
+            lanes.resize(columns * nx, [0.0; LANES]);
+        }
         for i in 0..nx {
             self.base[i] = members.map(|member| member.initial[i]);
         }
-        if let Some(stiff) = &mut self.stiff {
-            stiff.forget();
+        // What is pushed in the middle of a step moves on from there; what sticks does not, and has reactions of its own.
+        let mut response: Option<EightMemory> = None;
+        match &mut self.stiff {
+            Some(stiff) => stiff.forget(),
+            None => response = Some(self.hybrid.memory_of_eight(&[])),
         }
-        let (mut before, mut after) = (vec![0.0; nx], vec![0.0; columns * nx]);
-        let mut start = vec![[0.0; LANES]; nx];
+        let mut middle = vec![[0.0; LANES]; nx];
         for sample in 0..count - 1 {
             for step in 0..substeps {
                 let (x, s) = self.base.split_at_mut(nx);
-                start.copy_from_slice(x);
+                middle.copy_from_slice(x);
                 s.fill([0.0; LANES]);
                 for diagonal in s.iter_mut().step_by(nx + 1).take(nx) {
                     *diagonal = [1.0; LANES];
                 }
                 let steps = members.map(|m| (m.span.0 + sample) * substeps + step);
-                self.step(theta, &Eight { inputs, steps })?;
-                for lane in 0..own.len() {
-                    for (to, from) in before.iter_mut().zip(&start) {
-                        *to = from[lane];
-                    }
-                    for (to, from) in after.iter_mut().zip(&self.base) {
-                        *to = from[lane];
-                    }
-                    let place = (lane, steps[lane], step + 1 == substeps);
-                    keep(place, (&before, &after));
+                let at = Eight { inputs, steps };
+                self.step(theta, &at)?;
+                for (m, x) in middle.iter_mut().zip(&self.base) {
+                    m.iter_mut().zip(x).for_each(|(m, x)| *m = 0.5 * (*m + x));
                 }
+                if let Some(memory) = &mut response {
+                    let found = self.hybrid.linearize_eight(&middle, theta, &at, memory);
+                    found.map_err(Diverged::Dynamics)?;
+                }
+                keep(&OneStep {
+                    steps,
+                    ends: step + 1 == substeps,
+                    middle: &middle,
+                    response: response.as_ref().map_or(&[], EightMemory::response),
+                    after: &self.base,
+                });
             }
             Diverged::check(self.base.as_flattened())?;
         }
         Ok(())
     }
 
-    /// Up to eight windows of a stiff model, each with the single steps: as [`roll_all`](super::roll_all) with sensitivities.
+    /// Up to eight windows, each with the single steps: as [`roll_all`](super::roll_all) with sensitivities.
     fn roll_step_by_step(
         &mut self,
         theta: &[f64],
         members: &[Member<'_>],
     ) -> Result<Vec<(Trajectory, Variation)>, Diverged> {
         let hybrid = self.hybrid;
-        let columns = hybrid.nx() + self.free.len();
+        let nx = hybrid.nx();
+        let columns = nx + self.free.len();
         let kept = |member: &Member| Kept::new(hybrid, member, columns);
         let mut kept: Vec<Kept> = members.iter().map(kept).collect();
         let mut memory = hybrid.memory(&[]);
-        let mut middle = vec![0.0; hybrid.nx()];
-        self.each_step(theta, members, |(lane, step, ends), (before, after)| {
-            let (x, own) = after.split_at(middle.len());
-            for ((m, x), before) in middle.iter_mut().zip(x).zip(before) {
-                *m = 0.5 * (x + before);
-            }
-            kept[lane].step(own);
-            let at = (theta, members[lane].inputs, step);
-            kept[lane].middle(hybrid, at, &middle, &mut memory);
-            if ends {
-                kept[lane].sample(x);
+        let (mut middle, mut after) = (Vec::new(), Vec::new());
+        self.each_step(theta, members, |one| {
+            for (lane, (kept, member)) in kept.iter_mut().zip(members).enumerate() {
+                let own = |lanes: &[Lane], to: &mut Vec<f64>| {
+                    to.clear();
+                    to.extend(lanes.iter().map(|x| x[lane]));
+                };
+                own(one.middle, &mut middle);
+                own(one.after, &mut after);
+                let (x, derivatives) = after.split_at(nx);
+                kept.step(derivatives);
+                let at = (theta, member.inputs, one.steps[lane]);
+                kept.middle(hybrid, at, &middle, &mut memory);
+                let response = one.response.iter().map(|x| x[lane]);
+                kept.steps.responses.extend(response);
+                if one.ends {
+                    kept.sample(x);
+                }
             }
         })?;
         Ok(kept
