@@ -82,7 +82,8 @@ pub fn stripped(null: &Fitted, current: &Fitted, index: usize) -> (Hybrid, Vec<f
     (hybrid, theta)
 }
 
-/// Drops what later effects have made superfluous, and what a fit beside them has taken to parameters that make it something else.
+/// Drops what later effects have made superfluous, what explains least first, and what a fit beside them has taken to parameters that make it something
+/// else.
 pub fn prune(
     study: &Study,
     null: &Fitted,
@@ -91,28 +92,42 @@ pub fn prune(
     report: Report,
 ) {
     added.retain(|candidate| position(current, candidate).is_some());
-    let mut k = 0;
-    while k < added.len() {
-        let Some(index) = position(current, &added[k]) else {
-            break;
-        };
-        let is_itself = is_sensible(study, &added[k], current);
-        // What is alone was accepted as it is.
-        if is_itself && added.len() == 1 {
-            break;
-        }
-        let reduced = without(study, null, current, index);
-        let needed = Comparison::of(current, &reduced);
-        let explains = needed.inside.z > 3.0 && needed.outside.z > 1.5 && needed.inside_gain > 0.01;
-        if is_itself && (explains || needed.relieves()) {
-            k += 1;
-        } else {
-            report(&format!("dropped: {}", added[k].kind.name));
-            *current = reduced;
-            added.remove(k);
-            k = 0;
-        }
+    while let Some((k, reduced)) = superfluous(study, null, current, added) {
+        report(&format!("dropped: {}", added[k].kind.name));
+        *current = reduced;
+        added.remove(k);
     }
+}
+
+/// Of what was added the one that is something else than its name, or else the one that explains least of those that are not needed; with the model
+/// without it.
+fn superfluous(
+    study: &Study,
+    null: &Fitted,
+    current: &Fitted,
+    added: &[Candidate],
+) -> Option<(usize, Fitted)> {
+    let index = |candidate: &Candidate| position(current, candidate);
+    let other = added.iter().position(|c| !is_sensible(study, c, current));
+    if let Some((k, index)) = other.and_then(|k| Some((k, index(&added[k])?))) {
+        return Some((k, without(study, null, current, index)));
+    }
+    // What is alone was accepted as it is.
+    if added.len() < 2 {
+        return None;
+    }
+    let places = added.iter().enumerate();
+    places
+        .filter_map(|(k, candidate)| {
+            let reduced = without(study, null, current, index(candidate)?);
+            let needed = Comparison::of(current, &reduced);
+            let explains =
+                needed.inside.z > 3.0 && needed.outside.z > 1.5 && needed.inside_gain > 0.01;
+            let is_needed = explains || needed.relieves();
+            (!is_needed).then_some((needed.total(), k, reduced))
+        })
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, k, reduced)| (k, reduced))
 }
 
 /// Looks at every found effect once more, with all others in place: a stand-in that was accepted early gives way to what explains
@@ -359,7 +374,7 @@ fn twins_of(study: &Study, candidate: &Candidate, model: &Fitted) -> Vec<Candida
 mod tests {
     #![allow(clippy::unwrap_used)]
 
-    use super::super::pushes::tests::prepared;
+    use super::super::pushes::tests::{prepared, prepared_with};
     use super::super::setup::Prepared;
     use super::*;
     use crate::effect::registry;
@@ -379,6 +394,31 @@ mod tests {
             prune(&study, &null, &mut current, &mut added, &|_| {});
             assert_eq!(added.len(), usize::from(stays), "{values:?}");
             assert_eq!(current.hybrid.effects().len(), usize::from(stays));
+        }
+    }
+
+    /// In whatever order they were found.
+    #[test]
+    fn of_two_laws_that_the_data_do_not_need_both_the_weaker_is_dropped() {
+        let (_dir, Prepared { study, null, .. }) = prepared_with(0.0, 0.8);
+        let on_the_sledge = |name| Candidate {
+            kind: registry::find(name).unwrap(),
+            target: 0,
+        };
+        let drag = on_the_sledge("quadratic_drag");
+        let viscous = on_the_sledge("viscous_friction");
+        for order in [[drag, viscous], [viscous, drag]] {
+            let (mut hybrid, mut theta) = (null.hybrid.clone(), null.inside.theta.clone());
+            for candidate in order {
+                (hybrid, theta) = candidate.place(&hybrid, &theta, &[0.1]);
+            }
+            let mut current = study.fit(hybrid, null.start(theta), 1, 12);
+            let mut added = order.to_vec();
+            prune(&study, &null, &mut current, &mut added, &|_| {});
+            assert_eq!(added, [viscous], "{order:?}");
+            let range = current.hybrid.range(current.hybrid.effects().len() - 1);
+            let found = current.inside.theta[range.start];
+            assert!((found - 0.8).abs() < 0.02, "{found}");
         }
     }
 }

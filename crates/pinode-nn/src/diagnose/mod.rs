@@ -380,7 +380,9 @@ impl Cleaned {
 
     fn search(&self, seed: u64, report: &dyn Fn(&str)) -> Search {
         let Prepared { study, null, .. } = &self.prepared;
-        search::search(study, null.clone(), seed, report)
+        let mut search = search::search(study, null.clone(), seed, report);
+        search.normalise();
+        search
     }
 
     /// Looks at the residuals of what was found. Whether a fault of the data was seen.

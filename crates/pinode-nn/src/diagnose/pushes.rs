@@ -178,6 +178,11 @@ pub(super) mod tests {
 
     /// A sledge without friction: x(t) under a known force and pushes of this deviation, each held as long as a window, both exact.
     pub fn prepared(deviation: f64) -> (tempfile::TempDir, Prepared) {
+        prepared_with(deviation, 0.0)
+    }
+
+    /// The same with viscous friction, N·s/m, that the model lacks; exact as well.
+    pub fn prepared_with(deviation: f64, damping: f64) -> (tempfile::TempDir, Prepared) {
         let mut rng = ChaCha8Rng::seed_from_u64(5);
         let mut normal = || -> f64 { rng.sample(StandardNormal) };
         let (mut x, mut v, mut push) = (0.0, 0.0, 0.0);
@@ -190,9 +195,16 @@ pub(super) mod tests {
             // Pulled back, or the sledge would be off and away.
             let u = 4.0 * (3.0 * t).sin() + 2.0 * (7.1 * t).cos() - 1.5 * x - 2.0 * v;
             writeln!(log, "{t},{},{u}", x + NOISE * normal()).unwrap();
-            let a = (u + push) / MASS;
-            x += v * DT + 0.5 * a * DT * DT;
-            v += a * DT;
+            let force = u + push;
+            if damping == 0.0 {
+                x += v * DT + 0.5 * force / MASS * DT * DT;
+                v += force / MASS * DT;
+            } else {
+                let (last, rate) = (force / damping, damping / MASS);
+                let kept = (-rate * DT).exp();
+                x += last * DT + (v - last) * (1.0 - kept) / rate;
+                v = last + (v - last) * kept;
+            }
         }
         let dir = tempfile::tempdir().unwrap();
         let (model, data) = (dir.path().join("sledge.toml"), dir.path().join("log.csv"));

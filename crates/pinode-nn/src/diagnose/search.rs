@@ -53,7 +53,30 @@ impl Search {
     pub fn refitted(&mut self, study: &Study, model: Fitted) -> Fitted {
         self.gain = Comparison::of(&model, &self.null).total();
         self.left = model.left(study).cloned();
-        std::mem::replace(&mut self.model, model)
+        let before = std::mem::replace(&mut self.model, model);
+        self.normalise();
+        before
+    }
+
+    /// Gives the parameters of what was found as people write them.
+    pub fn normalise(&mut self) {
+        let Fitted {
+            hybrid,
+            inside,
+            outside,
+            ..
+        } = &mut self.model;
+        for (index, effect) in hybrid.effects().iter().enumerate() {
+            let is_found = |found: &Found| {
+                let Candidate { kind, target } = found.candidate;
+                effect.kind == kind && effect.target == target
+            };
+            if self.found.iter().any(is_found) {
+                for theta in [&mut inside.theta, &mut outside.theta] {
+                    effect.kind.normalise(&mut theta[hybrid.range(index)]);
+                }
+            }
+        }
     }
 
     /// What was found beside pushes, as it is without them: constants and errors stay, residuals are those of the model itself. `null` is the

@@ -1,7 +1,8 @@
 //! Forces on one coordinate, with exact derivatives.
 
 use integrators::event::Direction;
-use lagrange::{LANES, Scalar};
+use lagrange::{LANES, Lanes, Scalar};
+use pulp::{Arch, NullaryFnOnce};
 
 use super::Scales;
 use super::dual::Dual;
@@ -11,11 +12,21 @@ pub trait ForceLaw: Send + Sync + 'static {
     /// The generalized force, N or N·m. `smoothing` is the velocity over which a sign change of friction is spread, m/s or rad/s.
     fn force<D: Scalar>(&self, q: D, v: D, p: &[D], smoothing: f64) -> D;
 
+    /// Whether the force is evaluated for eight states at once, as sines are fast: the law never decides by a number, see
+    /// [`MemoryLaw::takes_lanes`](super::MemoryLaw::takes_lanes). `false` unless a law says otherwise.
+    fn takes_lanes(&self) -> bool {
+        false
+    }
+
     /// Whether its parameters make it what it is called, in a motion of these scales: beyond, it does what another kind is the name of. `true` unless
     /// a law says otherwise.
     fn is_itself(&self, _scales: &Scales, _p: &[f64]) -> bool {
         true
     }
+
+    /// The same law by the parameters that people write, where several sets of them are one: an amplitude that is positive, an angle within a turn. As
+    /// they are unless a law says otherwise.
+    fn normalise(&self, _p: &mut [f64]) {}
 
     /// The set-valued law that `smoothing` makes a function; `None` (the default) where the force is one without it.
     fn dry(&self) -> Option<&dyn DryFriction> {
@@ -81,9 +92,7 @@ pub trait JointForce: Send + Sync {
         v: &[f64; LANES],
         p: &[f64],
         smoothing: f64,
-    ) -> [f64; LANES] {
-        std::array::from_fn(|lane| self.force(q[lane], v[lane], p, smoothing))
-    }
+    ) -> [f64; LANES];
     /// (Q_j, ∂Q_j/∂v_j) of eight states.
     fn slopes_of_eight(
         &self,
@@ -117,6 +126,8 @@ pub trait JointForce: Send + Sync {
     }
     /// See [`ForceLaw::is_itself`].
     fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool;
+    /// See [`ForceLaw::normalise`].
+    fn normalise(&self, p: &mut [f64]);
     /// See [`ForceLaw::dry`].
     fn dry(&self) -> Option<&dyn DryFriction>;
     /// See [`ForceLaw::stop`].
@@ -158,6 +169,30 @@ fn gradient<L: ForceLaw, const N: usize>(
     }
 }
 
+/// The force at eight states, by numbers with as many lanes.
+struct ForceOfEight<'a, L> {
+    law: &'a L,
+    /// q and v.
+    at: [&'a [f64; LANES]; 2],
+    p: &'a [f64],
+    smoothing: f64,
+}
+
+impl<L: ForceLaw> NullaryFnOnce for ForceOfEight<'_, L> {
+    type Output = [f64; LANES];
+
+    #[inline(always)]
+    fn call(self) -> [f64; LANES] {
+        let mut lifted = [Lanes::<false>::constant(0.0); MOST_PARAMETERS];
+        let lifted = &mut lifted[..self.p.len()];
+        for (lanes, &value) in lifted.iter_mut().zip(self.p) {
+            *lanes = Lanes::constant(value);
+        }
+        let [q, v] = self.at.map(|x| Lanes(*x));
+        self.law.force(q, v, lifted, self.smoothing).0
+    }
+}
+
 impl<L: ForceLaw> JointForce for OnCoordinate<L> {
     fn force(&self, q: f64, v: f64, p: &[f64], smoothing: f64) -> f64 {
         self.0.force(q, v, p, smoothing)
@@ -177,6 +212,25 @@ impl<L: ForceLaw> JointForce for OnCoordinate<L> {
             3..=4 => gradient::<L, 6>(&self.0, [q, v], p, smoothing, by_p),
             _ => gradient::<L, MOST_VARIABLES>(&self.0, [q, v], p, smoothing, by_p),
         }
+    }
+
+    fn force_of_eight(
+        &self,
+        q: &[f64; LANES],
+        v: &[f64; LANES],
+        p: &[f64],
+        smoothing: f64,
+    ) -> [f64; LANES] {
+        if !self.0.takes_lanes() {
+            return std::array::from_fn(|lane| self.force(q[lane], v[lane], p, smoothing));
+        }
+        let law = &self.0;
+        Arch::new().dispatch(ForceOfEight {
+            law,
+            at: [q, v],
+            p,
+            smoothing,
+        })
     }
 
     fn slopes_of_eight(
@@ -202,6 +256,10 @@ impl<L: ForceLaw> JointForce for OnCoordinate<L> {
 
     fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool {
         self.0.is_itself(scales, p)
+    }
+
+    fn normalise(&self, p: &mut [f64]) {
+        self.0.normalise(p);
     }
 
     fn dry(&self) -> Option<&dyn DryFriction> {

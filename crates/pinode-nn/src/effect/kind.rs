@@ -129,6 +129,14 @@ impl Kind {
         }
     }
 
+    /// Its parameters as people write them, where several sets of them are the same law: see
+    /// [`ForceLaw::normalise`](super::ForceLaw::normalise).
+    pub fn normalise(&self, p: &mut [f64]) {
+        if let Action::Joint(law) = self.action {
+            law.normalise(p);
+        }
+    }
+
     /// Number of its states.
     pub fn states(&self) -> usize {
         self.memory().map_or(0, MemoryForce::states)

@@ -12,8 +12,22 @@ use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Probe, 
 struct Periodic;
 
 impl ForceLaw for Periodic {
+    #[inline(always)]
     fn force<D: Scalar>(&self, q: D, _v: D, p: &[D], _smoothing: f64) -> D {
         p[0] * (q / p[1] * TAU + p[2]).sin()
+    }
+
+    fn takes_lanes(&self) -> bool {
+        true
+    }
+
+    /// A ≥ 0 and 0 ≤ φ < 2π.
+    fn normalise(&self, p: &mut [f64]) {
+        if let [amplitude, _, phase] = p {
+            let turned = if *amplitude < 0.0 { 0.5 * TAU } else { 0.0 };
+            *amplitude = amplitude.abs();
+            *phase = (*phase + turned).rem_euclid(TAU);
+        }
     }
 
     /// It repeats within the range of the motion.
@@ -62,3 +76,41 @@ pub static KIND: Kind = Kind {
             .collect()
     },
 };
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::JointForce;
+
+    /// In all four quarters of the phase, and turns further on.
+    #[test]
+    fn the_force_is_the_same_by_a_positive_amplitude_and_a_phase_within_a_turn() {
+        let law = OnCoordinate(Periodic);
+        for phase in [-9.0, -0.3, 0.0, 1.2, 3.0, 4.9, 40.0] {
+            for amplitude in [-0.4, 0.4] {
+                let given = [amplitude, 0.07, phase];
+                let mut written = given;
+                law.normalise(&mut written);
+                assert!(
+                    written[0] == 0.4 && (0.0..TAU).contains(&written[2]),
+                    "{written:?}"
+                );
+                for q in [-0.31, 0.0, 0.013, 0.2] {
+                    let [a, b] = [given, written].map(|p| law.force(q, 0.0, &p, 0.01));
+                    assert!((a - b).abs() < 1e-13, "{given:?}, {q}: {a} and {b}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn eight_forces_at_once_are_those_of_the_law_one_by_one() {
+        let law = OnCoordinate(Periodic);
+        let p = [0.4, 0.07, 1.1];
+        let q = std::array::from_fn(|lane| 0.05 * lane as f64 - 0.2);
+        let at_once = law.force_of_eight(&q, &[0.0; lagrange::LANES], &p, 0.01);
+        for (q, force) in q.iter().zip(at_once) {
+            assert!((law.force(*q, 0.0, &p, 0.01) - force).abs() < 1e-13);
+        }
+    }
+}

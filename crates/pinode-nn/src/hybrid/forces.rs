@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use lagrange::LANES;
 use nalgebra::DVector;
 
 use super::{DrivenInputs, Hybrid, Memory, Placed, State};
@@ -109,13 +110,14 @@ impl Hybrid {
         }
     }
 
-    /// The entry of Q that effect `index` acts on, and its force; none where it is no force without a memory.
-    pub(crate) fn joint_force(
+    /// The entry of Q that effect `index` acts on, and its force at each of `states`, nx numbers each; none where it is no force without a
+    /// memory.
+    pub(crate) fn joint_forces(
         &self,
         index: usize,
-        state: State<'_>,
+        states: &[f64],
         theta: &[f64],
-    ) -> Option<(usize, f64)> {
+    ) -> Option<(usize, Vec<f64>)> {
         let effect = &self.effects[index];
         let Action::Joint(law) = effect.kind.action else {
             return None;
@@ -124,8 +126,16 @@ impl Hybrid {
             self.starts[effect.target],
             &theta[self.ranges[index].clone()],
         );
-        let smoothing = effect.smoothing;
-        Some((at.v, law.force(state.q[at.q], state.v[at.v], p, smoothing)))
+        let (nx, nq) = (self.nx(), self.nq());
+        let mut forces = Vec::with_capacity(states.len() / nx);
+        for eight in states.chunks(nx * LANES) {
+            // Lanes that are left over repeat the last state.
+            let last = (eight.len() / nx).saturating_sub(1);
+            let entry = |i: usize| std::array::from_fn(|lane| eight[lane.min(last) * nx + i]);
+            let force = law.force_of_eight(&entry(at.q), &entry(nq + at.v), p, effect.smoothing);
+            forces.extend_from_slice(&force[..=last]);
+        }
+        Some((at.v, forces))
     }
 
     /// The force f that effect `index`, which has a memory, sees, and where it acts.

@@ -153,6 +153,15 @@ impl Variation {
         mut add: impl FnMut(usize, f64),
     ) {
         let (nv, nx) = (self.nv, self.nx);
+        let alone = only.and_then(|effect| with.joint_forces(effect, &self.middles, theta));
+        if let Some((j, forces)) = alone {
+            for (i, force) in forces.into_iter().enumerate() {
+                self.act((inputs, i), j, force, |entry, part| {
+                    add(i * nx + entry, part)
+                });
+            }
+            return;
+        }
         let own = self
             .middles
             .chunks_exact(nx)
@@ -160,19 +169,11 @@ impl Variation {
         for (i, (middle, before)) in own.enumerate() {
             let step = self.first + i;
             let state = with.parts(middle);
-            let mut act = |j: usize, force: f64| {
-                self.act((inputs, i), j, force, |entry, part| {
+            let (force, rates) = with.forces(state, theta, inputs, step, memory);
+            for (j, (now, before)) in force.iter().chain(rates).zip(before).enumerate() {
+                self.act((inputs, i), j, now - before, |entry, part| {
                     add(i * nx + entry, part)
                 });
-            };
-            match only.and_then(|effect| with.joint_force(effect, state, theta)) {
-                Some((j, force)) => act(j, force),
-                None => {
-                    let (force, rates) = with.forces(state, theta, inputs, step, memory);
-                    for (j, (now, before)) in force.iter().chain(rates).zip(before).enumerate() {
-                        act(j, now - before);
-                    }
-                }
             }
         }
     }
