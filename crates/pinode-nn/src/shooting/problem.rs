@@ -290,10 +290,12 @@ impl<'a> Problem<'a> {
         rolled
     }
 
-    /// The roll-outs after a step of every initial state: the full one where it does not raise the loss above the present one, else
-    /// the best of full, short and none. A full step is rolled out with derivatives: most often the next equations are made there.
+    /// The roll-outs after a step of every initial state: the full one where it does not raise the loss above the present one, or not by more
+    /// than [`RISE`] in a step that lowers all together, else the best of full, short and none. A full step is rolled out with derivatives: most
+    /// often the next equations are made there.
     ///
-    /// `relief` is by how much θ has come closer to what was known of it, nats; none where θ has made no step.
+    /// `relief` is by how much θ has come closer to what was known of it, nats; none where θ has made no step, and each window has to gain
+    /// by itself.
     pub fn stepped(
         &self,
         theta: &[f64],
