@@ -5,7 +5,7 @@ use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 use super::stiff::{HALVINGS, On, Stiff};
-use super::{Diverged, Roller, Trajectory};
+use super::{Diverged, Trajectory};
 use crate::hybrid::{DrivenInputs, Eight, EightMemory, Hybrid, Lane};
 
 /// One window to be rolled out.
@@ -265,47 +265,33 @@ impl EightRoller<'_> {
         std::array::from_fn(|lane| all().any(|x| Diverged::check(&[x[lane]]).is_err()))
     }
 
-    /// The roll-outs of up to eight windows; none where they diverge. Those that are lost on the way are left out, and the others rolled out without
-    /// them; where it does not show which of them it is, all are rolled out by `one` after the other.
-    fn roll_each(
+    /// What `at_once` makes of up to eight windows; none where they diverge. Those that are lost on the way are left out, and the others done without
+    /// them; where it does not show which of them it is, one after the other.
+    pub(super) fn each<T>(
         &mut self,
-        theta: &[f64],
         members: &[Member<'_>],
-        derivatives: bool,
-        one: &mut Roller<'_>,
-    ) -> Vec<Option<Trajectory>> {
-        let mut rolled = vec![None; members.len()];
+        at_once: impl Fn(&mut Self, &[Member<'_>]) -> Result<Vec<T>, Diverged>,
+    ) -> Vec<Option<T>> {
+        let mut done: Vec<Option<T>> = members.iter().map(|_| None).collect();
         let mut left: Vec<usize> = (0..members.len()).collect();
         while !left.is_empty() {
             let some: Vec<Member> = left.iter().map(|&k| members[k]).collect();
-            let mut out = vec![Trajectory::default(); some.len()];
-            let at_once = match derivatives {
-                true => self.roll_with_sensitivities(theta, &some, &mut out),
-                false => self.roll(theta, &some, &mut out),
-            };
-            if at_once.is_ok() {
-                for (k, own) in left.drain(..).zip(out) {
-                    rolled[k] = Some(own);
+            if let Ok(all) = at_once(self, &some) {
+                for (k, own) in left.drain(..).zip(all) {
+                    done[k] = Some(own);
                 }
                 break;
             }
             let (lost, mut lane) = (self.lost(), 0..);
-            let before = left.len();
             left.retain(|_| lane.next().is_none_or(|lane: usize| !lost[lane]));
-            if left.len() == before {
-                for k in left.drain(..) {
-                    let (inputs, span, initial) =
-                        (members[k].inputs, members[k].span, members[k].initial);
-                    let mut own = Trajectory::default();
-                    let alone = match derivatives {
-                        true => one.roll_with_sensitivities(theta, inputs, span, initial, &mut own),
-                        false => one.roll(theta, inputs, span, initial, &mut own),
-                    };
-                    rolled[k] = alone.is_ok().then_some(own);
+            if left.len() == some.len() {
+                for k in left.drain(..).filter(|_| some.len() > 1) {
+                    let alone = at_once(self, &members[k..=k]);
+                    done[k] = alone.ok().and_then(|mut own| own.pop());
                 }
             }
         }
-        rolled
+        done
     }
 }
 
@@ -317,12 +303,18 @@ pub(crate) fn roll_all(
     derivatives: bool,
 ) -> Vec<Option<Trajectory>> {
     let groups = alike(members, LANES);
-    let rollers = || (EightRoller::new(hybrid, free), Roller::new(hybrid, free));
+    let roll = |eight: &mut EightRoller<'_>, members: &[Member<'_>]| {
+        let mut rolled = vec![Trajectory::default(); members.len()];
+        match derivatives {
+            true => eight.roll_with_sensitivities(theta, members, &mut rolled)?,
+            false => eight.roll(theta, members, &mut rolled)?,
+        }
+        Ok(rolled)
+    };
+    let roller = || EightRoller::new(hybrid, free);
     groups
         .into_par_iter()
-        .map_init(rollers, |(eight, one), members| {
-            eight.roll_each(theta, members, derivatives, one)
-        })
+        .map_init(roller, |eight, members| eight.each(members, roll))
         .flatten_iter()
         .collect()
 }
@@ -337,6 +329,7 @@ mod tests {
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
+    use super::super::Roller;
     use super::*;
     use crate::effect::registry;
     use crate::hybrid::Placed;

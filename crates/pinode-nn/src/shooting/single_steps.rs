@@ -90,21 +90,16 @@ fn multiply(a: &[f64], b: &[f64], out: &mut [f64]) {
     }
 }
 
-/// The roll-outs of windows, eight at once, one after the other where one of eight diverges; none where they diverge.
+/// The roll-outs of windows, eight at once; none where they diverge.
 pub(crate) fn roll_steps(
     (hybrid, theta, free): (&Hybrid, &[f64], &[usize]),
     members: &[Member<'_>],
 ) -> Vec<Option<(Trajectory, Variation)>> {
-    let together = |members: &[Member]| {
+    let of_group = |members: &[Member]| {
         let mut roller = EightRoller::new(hybrid, free);
-        roller.roll_step_by_step(theta, members).ok()
-    };
-    let alone = |member: &Member| together(std::slice::from_ref(member))?.pop();
-    let of_group = |members: &[Member]| -> Vec<Option<(Trajectory, Variation)>> {
-        match together(members) {
-            Some(rolled) => rolled.into_iter().map(Some).collect(),
-            None => members.iter().map(alone).collect(),
-        }
+        roller.each(members, |roller, some| {
+            roller.roll_step_by_step(theta, some)
+        })
     };
     let groups = alike(members, LANES).into_par_iter();
     groups.flat_map_iter(of_group).collect()
