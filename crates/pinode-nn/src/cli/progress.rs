@@ -71,8 +71,8 @@ struct StageClock {
     began: Instant,
     step_began: Instant,
     path_began: Instant,
-    /// The stage under way is the refinement of a candidate.
-    refining: bool,
+    /// So many candidates are refined in the stage under way.
+    refining: usize,
     refined: Mean,
     /// Candidates refined in this step.
     in_step: usize,
@@ -93,8 +93,8 @@ struct Mean {
 }
 
 impl Mean {
-    fn add(&mut self, took: Duration) {
-        self.count += 1;
+    fn add(&mut self, count: usize, took: Duration) {
+        self.count += count;
         self.sum += took.as_secs_f64();
     }
 
@@ -110,7 +110,7 @@ impl StageClock {
             began: now,
             step_began: now,
             path_began: now,
-            refining: false,
+            refining: 0,
             refined: Mean::default(),
             in_step: 0,
             steps: Mean::default(),
@@ -123,16 +123,17 @@ impl StageClock {
     /// A stage begins; the time that is probably left, once a candidate has been refined in this run.
     fn left(&mut self, stage: &str, now: Instant) -> Option<Duration> {
         let since = |then: Instant| now.saturating_duration_since(then);
-        if self.refining {
-            self.refined.add(since(self.began));
+        if self.refining > 0 {
+            self.refined.add(self.refining, since(self.began));
         }
         self.began = now;
-        self.refining = stage.starts_with("refining");
-        self.in_step += usize::from(self.refining);
+        let names = stage.strip_prefix("refining ");
+        self.refining = names.map_or(0, |names| names.split(", ").count());
+        self.in_step += self.refining;
         if stage.starts_with("accepted") {
             // What another search begins with took no time of its own.
             if self.in_step > 0 {
-                self.steps.add(since(self.step_began));
+                self.steps.add(1, since(self.step_began));
             }
             self.found += 1;
             (self.step_began, self.in_step) = (now, 0);
@@ -146,7 +147,7 @@ impl StageClock {
             self.found = 0;
             (self.step_began, self.path_began, self.in_step) = (now, now, 0);
         }
-        let each = self.refined.get().filter(|_| self.refining)?;
+        let each = self.refined.get().filter(|_| self.refining > 0)?;
         let typical = self.steps.get().unwrap_or(each * REFINED as f64);
         let in_step = since(self.step_began).as_secs_f64();
         let step = (typical - in_step).max(LONGER * in_step).max(each);
@@ -190,13 +191,13 @@ mod tests {
         let left = said(&[
             (0.0, "fitting the model as given"),
             (4.0, "locating the disagreement"),
-            (4.0, "refining viscous_friction"),
-            (7.0, "refining coulomb_friction"),
-            (10.0, "accepted: coulomb_friction (z 9.0, held out 5.0)"),
-            (10.0, "refining quadratic_drag"),
+            (4.0, "refining viscous_friction, quadratic_drag"),
+            (10.0, "refining coulomb_friction"),
+            (13.0, "accepted: coulomb_friction (z 9.0, held out 5.0)"),
+            (13.0, "refining quadratic_drag"),
         ]);
-        // None is timed yet; four more of five, and the end; a step as long as the first, and the end.
-        assert_eq!(left, [None, None, None, Some(15.0), None, Some(9.0)]);
+        // None is timed yet; three more of five, and the end; a step as long as the first, and the end.
+        assert_eq!(left, [None, None, None, Some(12.0), None, Some(12.0)]);
     }
 
     #[test]

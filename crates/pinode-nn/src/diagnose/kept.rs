@@ -282,6 +282,7 @@ impl Writer {
             stretch,
             determined,
             converged,
+            gained,
         } = fit;
         self.floats(theta);
         self.count(free.len());
@@ -306,6 +307,7 @@ impl Writer {
         self.floats(&[*loss, *stretch]);
         self.floats(determined);
         self.count(usize::from(*converged));
+        self.float(*gained);
     }
 }
 
@@ -357,6 +359,7 @@ impl Reader<'_> {
             stretch: self.float()?,
             determined: self.floats()?,
             converged: self.count()? == 1,
+            gained: self.float()?,
         })
     }
 }
@@ -380,6 +383,7 @@ mod tests {
             stretch: x,
             determined: vec![0.5],
             converged: true,
+            gained: 0.25,
         }
     }
 

@@ -7,7 +7,7 @@ use crate::shooting::{Member, Window, roll_all};
 use crate::smoothing::{SmoothingError, VISIBLE, compare};
 
 /// The integration step is halved until that moves the roll-outs by less than this part of the noise.
-pub const STEP_ERROR: f64 = 0.3;
+const STEP_ERROR: f64 = 0.3;
 /// Dry friction is fitted again when sticking would move a coordinate by more than what shows, with so much of that as is aimed at.
 const AIM: f64 = 0.5;
 /// Less than this is gained by no fit.
@@ -69,8 +69,17 @@ pub fn sharpened(study: &Study, search: &Search) -> Option<(Study, Fitted)> {
         let start = from.start(from.inside.theta.clone());
         study.fit(hybrid.clone(), start, 1, ITERATIONS)
     };
-    let mut sharp = fit(&study, fitted);
-    while sharp.substeps < MOST_SUBSTEPS && step_error(&study, &sharp) > STEP_ERROR {
+    // The steps that it will need are known before it is fitted, or nearly.
+    let mut sharp = Fitted {
+        hybrid: hybrid.clone(),
+        ..fitted.clone()
+    };
+    while is_coarse(&study, &sharp) {
+        study.finer *= 2;
+        sharp.substeps = study.substeps_for(&hybrid, &sharp.inside.theta);
+    }
+    sharp = fit(&study, &sharp);
+    while is_coarse(&study, &sharp) {
         study.finer *= 2;
         sharp = fit(&study, &sharp);
     }
@@ -81,10 +90,15 @@ pub fn sharpened(study: &Study, search: &Search) -> Option<(Study, Fitted)> {
     (better && stays).then_some((study, sharp))
 }
 
+/// Whether shorter steps would move the roll-outs by more than [`STEP_ERROR`], and may be taken.
+pub fn is_coarse(study: &Study, fitted: &Fitted) -> bool {
+    fitted.substeps < MOST_SUBSTEPS && step_error(study, fitted) > STEP_ERROR
+}
+
 /// The largest change of a simulated measurement by half the integration step, in units of noise, in all but one window of ten: those
 /// near an unstable point magnify every error, and every finding is tried again with half the step. Of a stiff model in half of the windows: the moments at
 /// which joints stick take steps that are many times shorter, of order 1.5, for what is in few samples.
-pub fn step_error(study: &Study, fitted: &Fitted) -> f64 {
+fn step_error(study: &Study, fitted: &Fitted) -> f64 {
     let observations = &study.observations;
     let theta = &fitted.inside.theta;
     let nx = fitted.hybrid.nx();

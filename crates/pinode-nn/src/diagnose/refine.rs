@@ -1,5 +1,7 @@
 //! Candidates refined by fits: what each of them is worth beside the model before.
 
+use rayon::prelude::*;
+
 use super::candidate::Candidate;
 use super::confidence::wins;
 use super::found::position;
@@ -19,8 +21,9 @@ pub const ITERATIONS: usize = 12;
 /// Iterations of a fit that goes on, and how often it does: the leader's, a rival's.
 const FURTHER: usize = 8;
 const ROUNDS: [usize; 2] = [12, 4];
-/// A rival goes on while it makes good this share of what it lacks in a round.
+/// A rival goes on while it makes good this share of what it lacks in a round, the leader while one gains so many nats.
 const CATCHING_UP: f64 = 0.25;
+const WORTH_A_ROUND: f64 = 1.0;
 /// What relieves stretched tolerances is there when so many standard errors say so, as many as that relief is of the tolerances.
 const SURE: f64 = 4.0;
 
@@ -45,6 +48,8 @@ pub struct Contender {
     pub wins: f64,
     /// Whether its gain stands under a finer integration and a narrower smoothing; `None`: not asked.
     pub numerically_sound: Option<bool>,
+    /// Whether further iterations from where it is were tried and did not explain more.
+    is_spent: bool,
 }
 
 impl Contender {
@@ -102,10 +107,14 @@ pub fn refine_one(
         several => {
             let comparing = COMPARING[usize::from(candidate.kind.is_transmission())];
             let (some, current_there) = study.some_windows(current, SHARE);
-            let tried = several
-                .iter()
-                .map(|start| fit_with(&some, &current_there, &theta, &members(start), comparing));
-            match tried.max_by(|a, b| a.score(0).total_cmp(&b.score(0))) {
+            let tried: Vec<Fitted> = several
+                .par_iter()
+                .map(|start| fit_with(&some, &current_there, &theta, &members(start), comparing))
+                .collect();
+            let best = tried
+                .into_iter()
+                .max_by(|a, b| a.score(0).total_cmp(&b.score(0)));
+            match best {
                 Some(best) => {
                     let start = current.start(best.inside.theta.clone());
                     study.fit(best.hybrid, start, 1, iterations)
@@ -167,6 +176,7 @@ pub fn contender(
         fitted,
         wins: 0.0,
         numerically_sound: None,
+        is_spent: false,
     }
 }
 
@@ -225,33 +235,49 @@ pub fn polish(study: &Study, current: &Fitted, contenders: &mut [Contender]) {
             let fitted = &rival.fitted;
             let start = leader.fitted.start(fitted.inside.theta.clone());
             let again = study.fit(fitted.hybrid.clone(), start, 1, FURTHER);
-            replace_if_better(study, current, rival, again);
+            rival.improve(study, current, again);
             continue;
         }
         for _ in 0..ROUNDS[usize::from(!leads)] {
-            let (before, fitted) = (rival.score, &rival.fitted);
-            if fitted.inside.converged {
+            let wanted = match leads {
+                true => WORTH_A_ROUND,
+                false => CATCHING_UP * (leader.score - rival.score),
+            };
+            if rival.is_spent || !rival.promises(wanted) {
                 break;
             }
+            let (before, fitted) = (rival.score, &rival.fitted);
             let start = fitted.start(fitted.inside.theta.clone());
             let again = study.fit(fitted.hybrid.clone(), start, 0, FURTHER);
-            replace_if_better(study, current, rival, again);
+            rival.is_spent = !rival.improve(study, current, again);
             let behind = leader.score - rival.score;
-            if rival.score <= before || (!leads && rival.score - before < CATCHING_UP * behind) {
+            if !leads && rival.score - before < CATCHING_UP * behind {
                 break;
             }
         }
     }
 }
 
-/// Takes a further fit of a contender where it explains more.
-fn replace_if_better(study: &Study, current: &Fitted, rival: &mut Contender, again: Fitted) {
-    let again = contender(study, rival.added.clone(), again, current);
-    if again.score > rival.score {
-        *rival = Contender {
-            imitated: rival.imitated,
-            ..again
-        };
+impl Contender {
+    /// Whether a round of further iterations may gain so many nats: it is known what the last ones gained. Of what has states of its own nobody
+    /// knows, for each round has another path of them.
+    fn promises(&self, wanted: f64) -> bool {
+        let fit = &self.fitted.inside;
+        let moves = self.added.iter().any(|c| c.kind.states() > 0);
+        !fit.converged && (moves || FURTHER as f64 * fit.gained > wanted)
+    }
+
+    /// Takes a further fit where it explains more, and says whether it does.
+    fn improve(&mut self, study: &Study, current: &Fitted, again: Fitted) -> bool {
+        let again = contender(study, self.added.clone(), again, current);
+        let explains_more = again.score > self.score;
+        if explains_more {
+            *self = Contender {
+                imitated: self.imitated,
+                ..again
+            };
+        }
+        explains_more
     }
 }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::Means;
 use super::audit::{Masked, excitation};
-use super::numerics::{STEP_ERROR, step_error};
+use super::numerics::is_coarse;
 use super::scales::scales;
 use super::smooth::{Smoothed, smooth};
 use super::study::{Fitted, MOST_SUBSTEPS, Start, Study};
@@ -140,7 +140,7 @@ pub fn prepare(
     };
     let mut null = study.fit(hybrid, start, 6, 20);
     // The step: fine enough that half of it changes nothing.
-    while study.substeps < MOST_SUBSTEPS && step_error(&study, &null) > STEP_ERROR {
+    while is_coarse(&study, &null) {
         study.substeps *= 2;
         let start = null.start(null.inside.theta.clone());
         null = study.fit(null.hybrid.clone(), start, 2, 20);

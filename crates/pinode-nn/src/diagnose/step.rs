@@ -1,5 +1,7 @@
 //! One step of the search for what is missing: screen, refine, accept.
 
+use rayon::prelude::*;
+
 use super::candidate::Candidate;
 use super::refine::{
     Contender, FIRST_LOOK, ITERATIONS, polish, rank, refine, refine_one, would_relieve,
@@ -26,6 +28,8 @@ const RIVALLING: f64 = 0.5;
 const PROMISED: (f64, f64) = (0.01, 0.05);
 /// Least t² in the first screen, and in later ones.
 pub const LEAST_T2: (f64, f64) = (4.0, 6.0);
+/// … and of what promises this share of what the best is: blows are in few windows, and t² is at most their number.
+const RARE: (f64, f64) = (2.0, 0.33);
 /// So many candidates that stretched constants imitate are refined beside them.
 const RELIEVING: usize = 4;
 /// So many pairs are refined, where nothing is accepted.
@@ -165,10 +169,12 @@ impl Looking<'_> {
             true => PROMISED.0 * self.samples(),
             false => PROMISED.1 * self.samples(),
         };
-        let promising = screen.ranked.iter();
-        let promising = promising.filter(|s| s.t2 > self.least_t2() && s.gain > enough(s));
-        let promising: Vec<&Screened> = promising.collect();
-        let leading = promising.first().map_or(0.0, |s| s.gain);
+        let promising = screen.ranked.iter().filter(|s| s.gain > enough(s));
+        let is_seen = |s: &&Screened| s.t2 > self.least_t2();
+        let leading = promising.clone().find(is_seen).map_or(0.0, |s| s.gain);
+        let promising: Vec<&Screened> = promising
+            .filter(|s| is_seen(s) || (s.t2 > RARE.0 && s.gain > RARE.1 * leading))
+            .collect();
         let close = promising.iter().take(REFINED);
         let close = close.take_while(|s| s.gain > CLOSE * leading).count();
         let (close, others) = promising.split_at(close);
@@ -200,11 +206,13 @@ impl Looking<'_> {
             !refined.iter().any(|c| c.added[..] == [s.candidate])
         };
         let chosen: Vec<&Screened> = chosen.iter().filter(new).copied().collect();
-        for s in chosen {
-            (self.report)(&format!("refining {}", s.candidate.kind.name));
-            let refined = refine_one(study, current, s, FIRST_LOOK);
-            step.contenders.push(refined);
+        if !chosen.is_empty() {
+            let names: Vec<&str> = chosen.iter().map(|s| s.candidate.kind.name).collect();
+            (self.report)(&format!("refining {}", names.join(", ")));
         }
+        let refined = chosen.par_iter();
+        let refined = refined.map(|s| refine_one(study, current, s, FIRST_LOOK));
+        step.contenders.par_extend(refined);
         polish(study, current, &mut step.contenders);
         rank(&mut step.contenders, self.seed);
         let alike = lookalikes(study, current, screen, &step.contenders, self.report);

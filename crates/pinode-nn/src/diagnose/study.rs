@@ -365,8 +365,11 @@ impl Study {
                     ..options
                 },
             };
-            let before = inside.theta.clone();
+            let (before, gained) = (inside.theta.clone(), inside.gained);
             inside = go_on(inside.theta, inside.states, inside.sigma, &known, &options);
+            if options.iterations == 0 {
+                inside.gained = gained;
+            }
             let moved = |(k, &i): (usize, &usize)| {
                 (inside.theta[i] - before[i]).powi(2) * inside.information[(k, k)] > STILL.powi(2)
             };

@@ -43,6 +43,8 @@ pub struct Fit {
     pub determined: Vec<f64>,
     /// Whether the loss had stopped falling.
     pub converged: bool,
+    /// What the better of the last two iterations gained, nats: one more gains hardly more. Infinite where fewer were made and nobody knows.
+    pub gained: f64,
 }
 
 impl Fit {
@@ -202,6 +204,7 @@ pub fn fit(
         problem.prior_loss(theta) + now.iter().map(|w| w.loss(sigma)).sum::<f64>()
     };
     let (mut converged, mut was_idle) = (false, false);
+    let mut gains = [f64::INFINITY; 2];
     let mut damping = FIRST_DAMPING;
     let mut loss = total(&theta, &now, &sigma);
     for _ in 0..options.iterations {
@@ -241,6 +244,7 @@ pub fn fit(
             damping = (damping * HARDER).max(LEAST_AFTER);
         }
         let decrease = before - loss;
+        gains = [gains[1], decrease];
         let new_sigma = spread(channels, &now);
         let change = sigma
             .iter()
@@ -288,6 +292,7 @@ pub fn fit(
         gradients,
         loss,
         converged,
+        gained: gains[0].max(gains[1]),
     }
 }
 
@@ -369,6 +374,7 @@ mod tests {
             stretch: 0.0,
             determined: Vec::new(),
             converged: true,
+            gained: 0.0,
         };
         let squares: f64 = x.iter().map(|x| (x - mean).powi(2)).sum();
         let expected = squares.sqrt() / (n - 1.0);
