@@ -8,7 +8,7 @@ use crate::diagnose::audit::audit;
 use crate::evaluate::{GAP, Options};
 use crate::free_run::{FreeRun, Initial, initial_states};
 use crate::hybrid::Hybrid;
-use crate::log::{Log, typical_interval};
+use crate::log::{Log, Run, typical_interval};
 use crate::model::Model;
 use crate::shooting::{FitOptions, HiddenPrior, Member, Window, fit, roll_all};
 
@@ -43,7 +43,7 @@ pub(crate) fn states_by_the_past(
     let theta = hybrid.theta();
     let runs: Vec<_> = logs.iter().flat_map(|log| &log.runs).collect();
     let of = |kind: Initial, longest: f64| -> Vec<Vec<Vec<f64>>> {
-        let states = |run: &&crate::log::Run| {
+        let states = |run: &&Run| {
             let free = FreeRun::new(&hybrid, &run.t, &run.u, longest);
             free.with_hidden(initial_states(model, run, kind))
         };
@@ -125,6 +125,13 @@ pub(crate) fn states_by_the_past(
         states: found,
         fallen_back,
     }
+}
+
+/// The first sample of a recording that has [`PAST`] before it, and [`FEWEST`] samples with itself.
+pub(crate) fn known_from(run: &Run) -> usize {
+    let begin = run.t.first().copied().unwrap_or(0.0);
+    let near = run.t.partition_point(|t| *t < begin + PAST);
+    near.max(FEWEST - 1)
 }
 
 /// Where the stretch to the sample `last` begins: [`PAST`] before it, or farther back where that is too few samples; behind the last gap.

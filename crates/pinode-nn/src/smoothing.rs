@@ -13,7 +13,7 @@ use crate::Error;
 use crate::contact_run::roll_system;
 use crate::diagnose::audit;
 use crate::entries::refuse_poses;
-use crate::evaluate::{Options, starts};
+use crate::evaluate::{Options, places};
 use crate::free_run::{initial_states, substeps};
 use crate::hybrid::{DrivenInputs, Hybrid, HybridContacts};
 use crate::log::{Log, Run};
@@ -80,7 +80,7 @@ impl SmoothingError {
 pub fn check(model: &Model, logs: &[Log], options: &Options) -> Result<SmoothingError, Error> {
     refuse_poses(model.mechanics.coordinates(), "a check of its smoothing")?;
     let runs: Vec<&Run> = logs.iter().flat_map(|log| &log.runs).collect();
-    let windows: Vec<Window> = starts(&runs, options)
+    let windows: Vec<Window> = places(&runs, options, |_| 0)
         .into_iter()
         .map(|(run, first, count)| Window { run, first, count })
         .collect();

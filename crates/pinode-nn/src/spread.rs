@@ -2,7 +2,7 @@
 //!
 //! Networks that were trained from different beginnings agree where the data tell the force and differ where they do not (Lakshminarayanan et al. 2017).
 //! The spread of their roll-outs from one state is a sign of what is not known, and no more: they share data, model and training, and what is wrong
-//! with these is wrong with all.
+//! with these is wrong with all. How much more that is a [`band`](crate::band) says.
 
 /// Standard deviations of the states over the members, one row a sample; as many samples as all members have. Each of `members` is a row of
 /// states a sample. Fewer than two members are not apart.

@@ -319,3 +319,154 @@ fn check_shows_what_a_network_acts_on_and_sees() {
     let line = "on x: the mean of 2, each of 2 parameters (f64), sees v.x, from weak.safetensors, strong.safetensors";
     assert!(text.contains(line), "{text}");
 }
+
+/// A log of m v̇ = u − 1.5 v − 2 v |v|, 2 kg, whose position is read with 1 mm of noise.
+fn dragged_with_noise(seed: u64, samples: u32) -> String {
+    let mut state = seed;
+    let mut uniform = || {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let mut text = "t,q.x,u.push\n".to_owned();
+    let (mut x, mut v, mut u) = (0.0, 0.0, 0.0);
+    for k in 0..samples {
+        if k % 25 == 0 {
+            u = 12.0 * (uniform() - 0.5) - 2.0 * x;
+        }
+        let noise = (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
+        text += &format!("{},{},{u}\n", 0.02 * f64::from(k), x + 1e-3 * noise);
+        for _ in 0..20 {
+            v += 0.001 * (u - 1.5 * v - 2.0 * v * v.abs()) / 2.0;
+            x += 0.001 * v;
+        }
+    }
+    text
+}
+
+/// The promise of a band is kept on a recording that neither training nor calibration has seen.
+#[test]
+fn the_band_of_a_trained_ensemble_holds_what_is_measured_anew() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    std::fs::write(folder.join("bare.toml"), SLEDGE).unwrap();
+    for (name, seed, samples) in [("log", 1, 2000), ("held", 2, 2000), ("fresh", 3, 4000)] {
+        let text = dragged_with_noise(seed, samples);
+        std::fs::write(folder.join(format!("{name}.csv")), text).unwrap();
+    }
+    let train = "train bare.toml log.csv --holdout held.csv --joint x --sees v.x --units 8 --epochs 15 --keep-physics --members 3 --out out --json";
+    let report = json(&train.split(' ').collect::<Vec<_>>(), folder);
+    let band = &report["band"];
+    assert_eq!(band["coverage"], 0.95);
+    assert_eq!(band["horizon_s"], 0.6);
+    assert_eq!(band["signals"][0]["name"], "q.x");
+    // 2000 samples of 31 each; the first stretch before a window tells of no state.
+    let windows = band["windows"].as_u64().unwrap();
+    assert!((60..=65).contains(&windows), "{band}");
+    // As wide as the noise alone, at least: 1.96 times the 1 mm.
+    assert!(
+        band["signals"][0]["floor"].as_f64().unwrap() > 1.5e-3,
+        "{band}"
+    );
+
+    let evaluate = "evaluate out/model.toml fresh.csv --initial past --json";
+    let report = json(&evaluate.split(' ').collect::<Vec<_>>(), folder);
+    let within = report["coordinates"][0]["within_band"].as_f64().unwrap();
+    assert!((0.92..0.985).contains(&within), "{within}");
+
+    let simulate =
+        "simulate out/model.toml --duration 0.5 --initial 0,1 --out way.csv --band band.csv --json";
+    let report = json(&simulate.split(' ').collect::<Vec<_>>(), folder);
+    assert_eq!(report["band"]["coverage"], 0.95);
+    let text = std::fs::read_to_string(folder.join("band.csv")).unwrap();
+    assert_eq!(text.lines().next(), Some("t,q.x,v.x,half.q.x"));
+    let model = Model::load(&folder.join("out/model.toml")).unwrap();
+    let width = model.band.as_ref().unwrap().signals[0];
+    let mut last = 0.0;
+    for line in text.lines().skip(1) {
+        let row: Vec<f64> = line.split(',').map(|x| x.parse().unwrap()).collect();
+        assert_eq!(row[3], width.half(row[1], row[0]));
+        assert!(row[3] >= last);
+        last = row[3];
+    }
+    let longer = "simulate out/model.toml --duration 2 --initial 0,1 --out way.csv --json";
+    let report = json(&longer.split(' ').collect::<Vec<_>>(), folder);
+    let warnings = report["warnings"].to_string();
+    assert!(
+        warnings.contains("the band was tried for 0.6"),
+        "{warnings}"
+    );
+}
+
+/// The sledge with an ensemble and a band.
+const BAND: &str = r#"
+[band]
+horizon = 0.6
+windows = 31
+[band.q]
+x = { spread = 2.5, floor = 1.0e-3, growth = 0.02 }
+"#;
+
+#[test]
+fn a_band_goes_with_the_model_that_it_was_found_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    sledge(folder);
+    let path = folder.join("banded.toml");
+    std::fs::write(&path, format!("{SLEDGE}{ENSEMBLE}{BAND}")).unwrap();
+    let model = Model::load(&path).unwrap();
+    let width = model.band.as_ref().unwrap().signals[0];
+    assert_eq!((width.spread, width.floor, width.growth), (2.5, 1e-3, 0.02));
+
+    let out = folder.join("out");
+    let same = Revision::of(&model);
+    let same = model.write_revision(&out, "same.toml", &same).unwrap();
+    assert_eq!(Model::load(&same).unwrap().band, model.band);
+    let heavier = Revision {
+        parameter_values: vec![2.1],
+        ..Revision::of(&model)
+    };
+    let heavier = model
+        .write_revision(&out, "heavier.toml", &heavier)
+        .unwrap();
+    assert_eq!(Model::load(&heavier).unwrap().band, None);
+    // A new band is written as it is, to the last digit.
+    let mut band = model.band.clone().unwrap();
+    band.signals[0].velocity = true;
+    band.signals[0].growth = 0.1 + 0.2;
+    let revision = Revision {
+        band: Some(band.clone()),
+        parameter_values: vec![2.1],
+        ..Revision::of(&model)
+    };
+    let anew = model.write_revision(&out, "anew.toml", &revision).unwrap();
+    assert_eq!(Model::load(&anew).unwrap().band, Some(band));
+}
+
+#[test]
+fn what_is_wrong_with_a_band_is_told_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    sledge(folder);
+    let wrong = BAND
+        .replace("horizon = 0.6\n", "")
+        .replace("windows = 31", "windows = 2.5")
+        .replace("spread = 2.5", "spread = -1")
+        .replace("x = {", "y = {");
+    let faults = |text: String| {
+        let error = Model::parse(&folder.join("model.toml"), text).unwrap_err();
+        error.to_string()
+    };
+    let all = faults(format!("{SLEDGE}{ENSEMBLE}{wrong}"));
+    for expected in [
+        "[band] has no `horizon`",
+        "`windows` is 2.5: it must be a whole number",
+        "`spread` is -1: it must be 0 or positive",
+        "`y`",
+    ] {
+        assert!(all.contains(expected), "{expected} in {all}");
+    }
+    let without = faults(format!("{SLEDGE}{BAND}"));
+    assert!(without.contains("this model has none"), "{without}");
+}

@@ -8,6 +8,7 @@ use clap::ValueEnum;
 use super::output::Output;
 use super::simulate::positive;
 use crate::Error;
+use crate::band::COVERAGE;
 use crate::entries::refuse_poses;
 use crate::evaluate::{Evaluation, Options, WORK, evaluate};
 use crate::free_run::{Initial, LONGEST_STEP};
@@ -91,37 +92,52 @@ fn text(evaluation: &Evaluation) -> String {
         .map(|c| c.name.chars().count())
         .fold(10, usize::max);
     // Writing to a String cannot fail.
-    let banded = evaluation.coordinates.iter().any(|c| c.spread.is_some());
-    let column = |text: String| match banded {
+    let spread = evaluation.coordinates.iter().any(|c| c.spread.is_some());
+    let banded = evaluation
+        .coordinates
+        .iter()
+        .any(|c| c.within_band.is_some());
+    let column = |text: String, is_there: bool| match is_there {
         true => format!("  {text:>12}"),
         false => String::new(),
     };
     let _ = writeln!(
         out,
-        "{:width$}  {:>12}  {:>12}  {:>12}{}  unit",
+        "{:width$}  {:>12}  {:>12}  {:>12}{}{}  unit",
         "coordinate",
         "MAE",
         "RMSE",
         "std",
-        column("spread".to_owned())
+        column("spread".to_owned(), spread),
+        column("within band".to_owned(), banded)
     );
     for c in &evaluation.coordinates {
-        let spread = c.spread.map_or("-".to_owned(), |x| format!("{x:.6}"));
+        let apart = c.spread.map_or("-".to_owned(), |x| format!("{x:.6}"));
+        let share = c.within_band;
+        let within = share.map_or("-".to_owned(), |x| format!("{:.1} %", 100.0 * x));
         let _ = writeln!(
             out,
-            "{:width$}  {:>12.6}  {:>12.6}  {:>12.6}{}  {}",
+            "{:width$}  {:>12.6}  {:>12.6}  {:>12.6}{}{}  {}",
             c.name,
             c.mae,
             c.rmse,
             c.std,
-            column(spread),
+            column(apart, spread),
+            column(within, banded),
             c.unit
+        );
+    }
+    if spread {
+        let _ = writeln!(
+            out,
+            "\nspread: how far the members of the ensemble are apart, root mean square"
         );
     }
     if banded {
         let _ = writeln!(
             out,
-            "\nspread: how far the members of the ensemble are apart, root mean square"
+            "within band: share of the samples within the model's band, which is to hold {:.0} % where windows begin at states by the past (--initial past)",
+            100.0 * COVERAGE
         );
     }
     out

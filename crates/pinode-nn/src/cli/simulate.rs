@@ -66,7 +66,8 @@ pub(super) struct Arguments {
     /// The trajectory, in the format of a log: positions as the sensors would read them without noise, velocities of the model
     #[arg(long, value_name = "TRAJ.csv")]
     out: PathBuf,
-    /// Write the standard deviations of q and v over the members of an ensemble, each rolled out from the same state
+    /// Write the standard deviations of q and v over the members of an ensemble, each rolled out from the same state, and the half-widths of the band that
+    /// holds 95 % of what is measured, where the model has one
     #[arg(long, value_name = "BAND.csv")]
     band: Option<PathBuf>,
 }
@@ -146,6 +147,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     }
     staged.into_iter().try_for_each(Staged::commit)?;
     let path = arguments.out.display().to_string();
+    warnings.extend(band.as_ref().and_then(Band::warning));
     let left_training = guard.departures();
     output.departures(&left_training);
     output.warnings(&warnings);

@@ -9,8 +9,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
 use super::Output;
+use super::band::{calibrated, calibrated_words};
 use super::interrupt::Interruptible;
 use crate::Error;
+use crate::band::Band;
 use crate::disk::{refuse_overwriting, write_atomically};
 use crate::learnt::Quantity;
 use crate::learnt::law::Law;
@@ -19,8 +21,8 @@ use crate::model::Model;
 use crate::naming::{hint, quoted};
 use crate::network::Activation;
 use crate::train::{
-    Checkpoint, Epoch, MODEL, Options, Trained, Training, fit_physics, train, weights_name,
-    write_ensemble,
+    Checkpoint, Epoch, MODEL, Options, Trained, Training, band_of, fit_physics, train,
+    weights_name, write_ensemble,
 };
 
 /// What was done so far, in the folder of a training.
@@ -172,6 +174,8 @@ struct Report<'a> {
     warnings: Vec<String>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     members: Vec<Member>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    band: Option<serde_json::Value>,
 }
 
 /// One network of an ensemble.
@@ -251,8 +255,12 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
         )?);
     }
     let interruptible = Interruptible::training(checkpoints.clone(), output.quiet);
+    let (band, no_band) = match count {
+        1 => (None, None),
+        _ => band(&members, &training, &options, output),
+    };
     let whole = interruptible.wait();
-    let path = write_ensemble(&members, &model, out)?;
+    let path = write_ensemble(&members, &model, band, out)?;
     // Finished: there is nothing to go on with.
     for checkpoint in &checkpoints {
         let _ = std::fs::remove_file(checkpoint);
@@ -261,9 +269,31 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
     let Some(first) = members.first() else {
         return Ok(()); // at least one is trained
     };
-    let report = report(&members, first, &path, out, &metrics);
+    let mut report = report(&members, first, &path, out, &metrics);
+    report.warnings.extend(no_band);
+    let written = Model::load(&path)?;
+    report.band = calibrated(&written);
     output.warnings(&report.warnings);
-    output.result(&report, &text(&report))
+    let text = text(&report, &calibrated_words(&written));
+    output.result(&report, &text)
+}
+
+/// The band of an ensemble, or why it has none.
+fn band(
+    members: &[Trained],
+    training: &Training<'_>,
+    options: &Options,
+    output: &Output,
+) -> (Option<Band>, Option<String>) {
+    output
+        .note("finding how far measurements are from what the ensemble says, on what is held out");
+    match band_of(members, training, options) {
+        Ok(band) => (Some(band), None),
+        Err(error) => (
+            None,
+            Some(format!("the ensemble has no calibrated band: {error}")),
+        ),
+    }
 }
 
 /// Fits the model without a network.
@@ -539,6 +569,7 @@ fn report<'a>(
         laws: &first.laws,
         warnings: warnings(members),
         members: if count > 1 { all } else { Vec::new() },
+        band: None,
     }
 }
 
@@ -558,7 +589,7 @@ fn warnings(members: &[Trained]) -> Vec<String> {
     all
 }
 
-fn text(report: &Report<'_>) -> String {
+fn text(report: &Report<'_>, band: &str) -> String {
     let number = |x: Option<f64>| x.map_or("-".to_owned(), |x| format!("{x:.4}"));
     let without = report.held_out_without_network;
     let before = without.map_or(String::new(), |x| format!(" (without the network {x:.4})"));
@@ -592,6 +623,7 @@ fn text(report: &Report<'_>) -> String {
     for sentence in report.laws.iter().flat_map(Law::sentences) {
         out += &format!("{sentence}\n");
     }
+    out += band;
     out += &format!("written:\n  {}\n", report.model);
     if report.members.is_empty() {
         out += &format!("  {}\n  {}\n", report.weights, report.metrics);

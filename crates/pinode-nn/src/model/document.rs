@@ -182,12 +182,16 @@ impl<'a> Section<'a> {
             .collect()
     }
 
-    /// The tables in this one, by name, in the order of the text.
-    pub fn named_sections(&self, faults: &mut Faults) -> Vec<(Placed<&'a str>, Section<'a>)> {
+    /// The tables in this one, which is `[title]`, by name, in the order of the text.
+    pub fn named_sections(
+        &self,
+        title: &str,
+        faults: &mut Faults,
+    ) -> Vec<(Placed<&'a str>, Section<'a>)> {
         self.entries()
             .into_iter()
             .filter_map(|(key, value)| {
-                let title = format!("[sensor.{}]", quoted(key.value).trim_matches('`'));
+                let title = format!("[{title}.{}]", quoted(key.value).trim_matches('`'));
                 let section = as_section(key.value, value, title, faults)?;
                 Some((key, section))
             })

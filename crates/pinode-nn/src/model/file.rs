@@ -10,7 +10,8 @@ use toml::de::{DeTable, DeValue};
 
 use super::document::{Faults, Section, mismatch};
 use super::mechanism::{self, Mechanism, find_coordinate};
-use super::{Input, Model, effects, massless, networks, sensor, tolerance};
+use super::networks::NetworkEntry;
+use super::{Input, Model, band, effects, massless, networks, sensor, tolerance};
 use crate::Error;
 use crate::effect::Between;
 use crate::log::{ColumnMap, Mapping};
@@ -84,6 +85,7 @@ pub(super) fn parse(path: &Path, text: String, strict: bool) -> Result<Model, Er
             "mass_scale",
             "log",
             "loop",
+            "band",
         ],
         &mut faults,
     );
@@ -103,6 +105,8 @@ pub(super) fn parse(path: &Path, text: String, strict: bool) -> Result<Model, Er
     let named: Vec<Input> = inputs.iter().map(|(input, _)| input.clone()).collect();
     let mut entries = effects::read(&root, mechanism.as_ref(), &named, &mut faults);
     let networks = networks::read(&root, path, mechanism.as_ref(), &named, &mut faults);
+    let has_ensemble = networks.iter().any(NetworkEntry::is_member);
+    let band = band::read(&root, mechanism.as_ref(), has_ensemble, &mut faults);
     let sensors = sensor::read(&root, mechanism.as_ref(), &mut faults);
     let tolerance = tolerance::read(&root, mechanism.as_ref(), &mut faults);
     let parameter_values = tolerance::parameter_values(&root, mechanics, &mut faults);
@@ -140,6 +144,7 @@ pub(super) fn parse(path: &Path, text: String, strict: bool) -> Result<Model, Er
         inputs: named,
         effects: entries.into_iter().map(|(_, entry)| entry).collect(),
         networks,
+        band,
         sensors,
         tolerance,
         columns,

@@ -61,7 +61,16 @@
 //! of the kind `end_stop` with `stiffness` and `damping`, and `lower`, `upper` or both; a side that is left out is open.
 //!
 //! A learnt force is an `[[effect]]` of the kind `neural_network` with `weights`, a file that `pinode train` writes, and the `joints` that it
-//! was trained for. A list of files is an ensemble: the force is the mean of its members.
+//! was trained for. A list of files is an ensemble: the force is the mean of its members. How far what is measured may be from its roll-outs is the
+//! [`Band`], a table that `pinode train --members` writes:
+//!
+//! ```toml
+//! [band]                               # 95 % within √((spread · s)² + floor² + (growth · t)²), s the members' standard deviation
+//! horizon = 0.6                        # s: tried so far from the beginning of a roll-out
+//! windows = 31                         # that share no sample
+//! [band.q]                             # m or rad; growth in these a second. Those of velocities are in [band.v].
+//! slider = { spread = 2.8, floor = 1.6e-3, growth = 4.0e-3 }
+//! ```
 //!
 //! An `added_mass` sits on a link of a URDF, `link = "pole"`, and is a point mass at the centre of mass of all that is welded to it.
 //!
@@ -69,6 +78,7 @@
 //! joint has three (`foot.x`, `foot.y`, `foot.theta`; in TOML `[sensor."foot.x"]`). The pose of a floating body cannot be named there:
 //! it is no single number.
 
+mod band;
 mod blank;
 mod constraints;
 mod document;
@@ -95,6 +105,7 @@ pub use tolerance::Tolerance;
 pub use write::{NewNetwork, Revision};
 
 use crate::Error;
+use crate::band::Band;
 use crate::effect::{Between, Kind};
 use crate::log::ColumnMap;
 
@@ -119,6 +130,8 @@ pub struct Model {
     pub effects: Vec<EffectEntry>,
     /// What was learnt of Q.
     pub networks: Vec<NetworkEntry>,
+    /// How far what is measured may be from roll-outs of its ensemble.
+    pub band: Option<Band>,
     /// One per coordinate; that of a pose says nothing.
     pub sensors: Vec<Sensor>,
     /// How well the rest is known.
@@ -266,6 +279,7 @@ impl fmt::Debug for Model {
             .field("inputs", &self.inputs)
             .field("effects", &self.effects)
             .field("networks", &self.networks)
+            .field("band", &self.band)
             .field("sensors", &self.sensors)
             .field("tolerance", &self.tolerance)
             .field("columns", &self.columns)

@@ -8,7 +8,8 @@
 //! ```
 //!
 //! With a list of files, `weights = ["network-1.safetensors", "network-2.safetensors"]`, the table is an ensemble: networks that were trained for the
-//! same from different beginnings. The force is their mean, and how far the roll-outs of [`Model::members`] are apart says how far it is known.
+//! same from different beginnings. The force is their mean, and how far the roll-outs of [`Model::members`] are apart says how far it is known, by the
+//! [`Band`](crate::band::Band) of the model.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -45,11 +46,16 @@ pub struct NetworkEntry {
 }
 
 impl NetworkEntry {
+    /// Whether it is one of several whose mean is the force.
+    pub fn is_member(&self) -> bool {
+        self.share != 1.0
+    }
+
     /// What it adds to Q of the model: its share of its force.
     pub(crate) fn shared(&self) -> Arc<LearntForce> {
-        match self.share == 1.0 {
-            true => self.force.clone(),
-            false => Arc::new(self.force.scaled(self.share)),
+        match self.is_member() {
+            true => Arc::new(self.force.scaled(self.share)),
+            false => self.force.clone(),
         }
     }
 
@@ -103,7 +109,7 @@ impl Model {
 
     /// Whether a network of it is an ensemble.
     pub fn has_ensemble(&self) -> bool {
-        self.networks.iter().any(|entry| entry.share != 1.0)
+        self.networks.iter().any(NetworkEntry::is_member)
     }
 }
 

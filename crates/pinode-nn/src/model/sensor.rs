@@ -57,7 +57,7 @@ pub(super) fn read(
     let Some(section) = root.section("sensor", "[sensor]", faults) else {
         return sensors;
     };
-    for (name, table) in section.named_sections(faults) {
+    for (name, table) in section.named_sections("sensor", faults) {
         table.check_keys(
             &["position_noise", "resolution", "velocity", "zero"],
             faults,

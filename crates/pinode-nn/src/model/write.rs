@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use lagrange::{Problem, Problems, Role};
 use toml_edit::{ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
-use super::{EffectEntry, Model, Target, networks};
+use super::{EffectEntry, Model, Target, band, networks};
 use crate::Error;
+use crate::band::Band;
 use crate::disk::Together;
 use crate::effect::{LeftOut, ParameterSpec};
 
@@ -24,6 +25,8 @@ pub struct Revision {
     pub zeros: Vec<f64>,
     /// A learnt force that comes to those of the model.
     pub network: Option<NewNetwork>,
+    /// In place of [`Model::band`]; that of the model itself goes where anything else changes.
+    pub band: Option<Band>,
 }
 
 /// A learnt force that is new in a model.
@@ -50,11 +53,39 @@ impl Revision {
             gains: model.inputs.iter().map(|input| input.gain).collect(),
             zeros: model.sensors.iter().map(|sensor| sensor.zero).collect(),
             network: None,
+            band: model.band.clone(),
         }
+    }
+
+    /// Whether it changes what a model does.
+    fn changes(&self, model: &Model) -> bool {
+        let as_before = Revision {
+            band: self.band.clone(),
+            ..Revision::of(model)
+        };
+        *self != as_before
     }
 }
 
 impl Model {
+    /// The model with `revision` applied, but for what is learnt: that is in no file yet.
+    pub(crate) fn revised(&self, revision: &Revision) -> Model {
+        let mut model = self.clone();
+        model
+            .parameter_values
+            .clone_from(&revision.parameter_values);
+        for (input, gain) in model.inputs.iter_mut().zip(&revision.gains) {
+            input.gain = *gain;
+        }
+        for (sensor, zero) in model.sensors.iter_mut().zip(&revision.zeros) {
+            sensor.zero = *zero;
+        }
+        let effects = revision.effects.iter().map(|(entry, _)| entry.clone());
+        model.effects = effects.collect();
+        model.band.clone_from(&revision.band);
+        model
+    }
+
     /// Writes the model with `revision` applied to `dir/file_name`, and its URDF beside it; returns the path of the model.
     ///
     /// Numbers that did not change stay as they are written. The URDF keeps its name; where another file has it already, part of
@@ -106,6 +137,12 @@ impl Model {
         self.revise(&mut document, revision);
         if let Some(network) = &revision.network {
             add_network(&mut document, network);
+        }
+        // A band was found with the model as it was.
+        let is_old = revision.band == self.band && revision.changes(self);
+        let band = revision.band.as_ref().filter(|_| !is_old);
+        if band != self.band.as_ref() {
+            band::write(&mut document, band, self.mechanics.coordinates());
         }
         files.put(file_name, document.to_string().as_bytes())?;
         Ok(path)
@@ -377,7 +414,7 @@ fn as_number(item: &Item) -> Option<f64> {
 }
 
 /// The shortest text that reads back as `x`.
-fn number(x: f64) -> Value {
+pub(super) fn number(x: f64) -> Value {
     format!("{x:?}").parse().unwrap_or_else(|_| Value::from(x))
 }
 

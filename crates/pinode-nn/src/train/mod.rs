@@ -25,6 +25,7 @@ mod adjoint;
 mod baseline;
 mod checkpoint;
 mod data;
+mod ensemble;
 mod loss;
 mod options;
 mod physics;
@@ -49,16 +50,16 @@ use data::{Recordings, usual_quantities};
 use options::{check, check_size};
 
 pub use baseline::{Fitted, fit_physics};
+pub use ensemble::{band_of, weights_name, write_ensemble};
 pub use options::{Options, Start};
 pub use session::{Epoch, Session};
 
 use crate::Error;
-use crate::disk::{Together, refuse_overwriting};
 use crate::hybrid::{ConstantId, Hybrid};
 use crate::learnt::law::Law;
-use crate::learnt::{Card, LearntForce, Names, weights};
+use crate::learnt::{Card, LearntForce, Names};
 use crate::log::Log;
-use crate::model::{Model, NewNetwork, Revision};
+use crate::model::{Model, Revision};
 use crate::network::{Activation, Mlp, Real, Shape};
 
 /// The name of the weights beside the model that uses them.
@@ -318,57 +319,6 @@ impl Trained {
     /// # Errors
     /// As [`Model::write_revision`].
     pub fn write(&self, model: &Model, dir: &Path) -> Result<PathBuf, Error> {
-        write_ensemble(std::slice::from_ref(self), model, dir)
+        write_ensemble(std::slice::from_ref(self), model, None, dir)
     }
-}
-
-/// The name of the weights of member `k` of `members`, from 0.
-pub fn weights_name(k: usize, members: usize) -> String {
-    match members {
-        1 => WEIGHTS.to_owned(),
-        _ => format!("network-{}.safetensors", k + 1),
-    }
-}
-
-/// Writes the weights of networks that were trained for the same from different beginnings, and `model.toml`, the model with their mean in it, to `dir`, all or
-/// none; returns the path of the model. The constants are as fitted beside the first.
-///
-/// # Errors
-/// As [`Model::write_revision`]; [`Error::Training`] without a member.
-pub fn write_ensemble(members: &[Trained], model: &Model, dir: &Path) -> Result<PathBuf, Error> {
-    let Some(first) = members.first() else {
-        return Err(Error::Training(
-            "an ensemble has no member: train at least one".to_owned(),
-        ));
-    };
-    let names: Vec<String> = (0..members.len())
-        .map(|k| weights_name(k, members.len()))
-        .collect();
-    let outputs = names.iter().map(String::as_str).chain([MODEL]);
-    let outputs: Vec<PathBuf> = outputs.map(|name| dir.join(name)).collect();
-    refuse_overwriting(&outputs, &model.files())?;
-    let mut files = Together::new(dir);
-    for (member, name) in members.iter().zip(&names) {
-        let path = dir.join(name);
-        let bytes = weights::to_bytes(&path, &member.force, &member.card, member.single)?;
-        files.put(name, &bytes)?;
-    }
-    let what = match members.len() {
-        1 => "learnt".to_owned(),
-        n => format!("{n} networks, whose mean is the force, learnt"),
-    };
-    let joints = first.card.joints.iter().map(|joint| joint.name.clone());
-    let windows = first.card.training.get("windows").cloned();
-    let mut revision = first.revision.clone();
-    revision.network = Some(NewNetwork {
-        weights: names,
-        joints: joints.collect(),
-        comment: format!(
-            "{what} by `pinode train` from {} windows; what it saw, and how well it does, is in the file's metadata",
-            windows.unwrap_or_default()
-        ),
-    });
-    let path = model.stage_revision(&mut files, MODEL, &revision)?;
-    files.commit()?;
-    Ok(path)
 }

@@ -1,18 +1,22 @@
 //! How far free runs get from measurements: errors over many windows of a log, per coordinate, as in the paper.
 
-use rayon::prelude::*;
+mod ensemble;
+mod windows;
+
 use serde::Serialize;
 
+pub(crate) use self::ensemble::{Deviation, deviations};
+use self::ensemble::{Driven, members};
+use self::windows::Windows;
+pub(crate) use self::windows::{Channel, places};
 use crate::Error;
-use crate::entries::refuse_poses;
-use crate::free_run::{FreeRun, Initial, LONGEST_STEP, initial_states, longest_step, step_warning};
-use crate::hybrid::{DrivenInputs, Hybrid, Reading};
+use crate::band::Width;
+use crate::free_run::{Initial, LONGEST_STEP, longest_step, step_warning};
 use crate::learnt::{Departure, Guard, Tally, other_intervals};
 use crate::log::{Log, Run, typical_interval};
-use crate::model::{Model, Velocity};
-use crate::past::{States, states_by_the_past};
-use crate::shooting::{Trajectory, wrap_angle};
-use crate::spread::{Squares, spread};
+use crate::model::Model;
+use crate::shooting::wrap_angle;
+use crate::spread::Squares;
 
 /// More than so many typical sample intervals between two samples are a gap.
 pub(crate) const GAP: f64 = 10.0;
@@ -83,13 +87,9 @@ pub struct SignalError {
     /// diverged; none without an ensemble.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spread: Option<f64>,
-}
-
-/// A measured signal.
-#[derive(Clone, Copy)]
-struct Channel {
-    coordinate: usize,
-    velocity: bool,
+    /// Share of those samples whose error is within the [band](crate::band) of the model; none where it has none of this signal.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub within_band: Option<f64>,
 }
 
 #[derive(Clone, Copy, Default)]
@@ -98,6 +98,8 @@ struct Sums {
     sum: f64,
     absolute: f64,
     squares: f64,
+    /// Samples within the band, of how many.
+    within: (usize, usize),
 }
 
 impl Sums {
@@ -128,55 +130,58 @@ struct Rolled {
 /// the squares of the errors are beyond the range of numbers; [`Error::Floating`] when a coordinate is the pose of a floating body;
 /// [`Error::OtherModel`] when a log was read for a model with other coordinates or inputs.
 pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evaluation, Error> {
-    refuse_others(model, logs)?;
-    let runs: Vec<&Run> = logs.iter().flat_map(|log| &log.runs).collect();
-    let starts = starts(&runs, options);
-    if starts.is_empty() {
-        return Err(Error::NoWindow {
-            horizon: options.horizon,
-        });
-    }
-    let channels = channels(model, &runs);
-    let members: Vec<Hybrid> = match model.has_ensemble() {
-        true => model.members().iter().map(Hybrid::of).collect(),
-        false => Vec::new(),
-    };
-    let of_members: Vec<Vec<FreeRun>> = members
-        .iter()
-        .map(|member| {
-            let driven = |run: &&Run| FreeRun::new(member, &run.t, &run.u, options.longest_step);
-            runs.iter().map(driven).collect()
-        })
+    let windows = Windows::new(model, logs, options, |_| 0)?;
+    let Windows {
+        runs,
+        places,
+        channels,
+        ..
+    } = &windows;
+    let members = members(model);
+    let driven = Driven::new(&members, runs, options.longest_step);
+    let nv = model.mechanics.nv();
+    let widths: Vec<Option<Width>> = (channels.iter())
+        .map(|channel| model.band.as_ref()?.of(*channel).copied())
         .collect();
     let mut guard = Guard::new(model);
-    let begun = beginnings(model, logs, options, &starts);
-    let windows = (starts.as_slice(), begun.states.as_slice());
-    let windows = over_windows(model, logs, options, windows, |window| {
-        let sums = window.arrived.then(|| {
-            let mut sums = vec![Sums::default(); channels.len()];
-            for (channel, sums) in channels.iter().zip(&mut sums) {
-                window.errors(*channel, |error| sums.add(error));
-            }
+    let rolled = windows.roll_out(|window| {
+        let apart = driven.apart(window);
+        let of_channel = |(channel, width): (&Channel, &Option<Width>)| {
+            let mut sums = Sums::default();
+            window.errors(*channel, |k, error| {
+                sums.add(error);
+                if let (Some(width), Some(apart)) = (width, apart.get(k - 1)) {
+                    let half = width.half(apart[channel.entry(nv)], window.since(k));
+                    sums.within.0 += usize::from(error.abs() <= half);
+                    sums.within.1 += 1;
+                }
+            });
             sums
-        });
+        };
+        let channels = channels.iter().zip(&widths);
+        let sums = window.arrived.then(|| channels.map(of_channel).collect());
         let states = window.states.chunks_exact(window.nx);
         let seen = guard.look(window.inputs, window.first, states);
-        let free_runs = of_members.iter().filter_map(|runs| runs.get(window.index));
-        let apart = member_squares(free_runs, (window.first, window.count), window.initial);
-        Rolled { sums, seen, apart }
+        let mut squares = Squares::default();
+        apart.iter().for_each(|deviations| squares.take(deviations));
+        Rolled {
+            sums,
+            seen,
+            apart: squares,
+        }
     });
-    let mut sums = Vec::with_capacity(windows.len());
+    let mut sums = Vec::with_capacity(rolled.len());
     let mut apart = Squares::default();
-    for (window, &(run, ..)) in windows.into_iter().zip(&starts) {
+    for (window, &(run, ..)) in rolled.into_iter().zip(places) {
         sums.push(window.sums);
         apart.add(&window.apart);
         guard.add(&runs[run].id, &runs[run].t, window.seen);
     }
     let diverged = sums.iter().filter(|window| window.is_none()).count();
-    if diverged == starts.len() {
+    if diverged == places.len() {
         return Err(Error::Unfittable {
             diverged,
-            windows: starts.len(),
+            windows: places.len(),
         });
     }
     let mut total = vec![Sums::default(); channels.len()];
@@ -186,19 +191,16 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
             total.sum += part.sum;
             total.absolute += part.absolute;
             total.squares += part.squares;
+            total.within.0 += part.within.0;
+            total.within.1 += part.within.1;
         }
     }
     let coordinates = model.mechanics.coordinates();
-    let nv = model.mechanics.nv();
     let signal = |(channel, sums): (&Channel, &Sums)| {
         let coordinate = coordinates.get(channel.coordinate)?;
         let (mean, square) = (sums.sum / sums.count, sums.squares / sums.count);
         Some(SignalError {
-            name: format!(
-                "{}.{}",
-                if channel.velocity { "v" } else { "q" },
-                coordinate.name
-            ),
+            name: channel.name(model),
             unit: format!(
                 "{}{}",
                 coordinate.unit(),
@@ -207,59 +209,27 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
             mae: sums.absolute / sums.count,
             rmse: square.sqrt(),
             std: (square - mean * mean).max(0.0).sqrt(),
-            spread: apart.root_mean(channel.coordinate + usize::from(channel.velocity) * nv),
+            spread: apart.root_mean(channel.entry(nv)),
+            within_band: (sums.within.1 > 0).then(|| sums.within.0 as f64 / sums.within.1 as f64),
         })
     };
     let errors: Vec<SignalError> = channels.iter().zip(&total).filter_map(signal).collect();
-    for (error, channel) in errors.iter().zip(&channels) {
+    for (error, channel) in errors.iter().zip(channels) {
         let numbers = [error.mae, error.rmse, error.std];
         if numbers.iter().any(|x| !x.is_finite()) {
-            return Err(overflow(error, *channel, &runs));
+            return Err(overflow(error, *channel, runs));
         }
     }
     Ok(Evaluation {
         horizon_s: options.horizon,
-        windows: starts.len(),
+        windows: places.len(),
         diverged,
         initial: options.initial.name(),
-        fallen_back: begun.fallen_back,
+        fallen_back: windows.fallen_back(),
         coordinates: errors,
-        warnings: warnings(model, &runs, options),
+        warnings: warnings(model, runs, options),
         left_training: guard.departures(),
     })
-}
-
-/// Refuses poses, and logs that were read for another model.
-fn refuse_others(model: &Model, logs: &[Log]) -> Result<(), Error> {
-    refuse_poses(model.mechanics.coordinates(), WORK)?;
-    logs.iter().try_for_each(|log| log.check(model))
-}
-
-/// The squares of how far the members of an ensemble are apart in a window; none where one of them diverges.
-fn member_squares<'a>(
-    free_runs: impl Iterator<Item = &'a FreeRun<'a>>,
-    span: (usize, usize),
-    initial: &[f64],
-) -> Squares {
-    let mut rolled = Vec::new();
-    let mut trajectory = Trajectory::default();
-    for free_run in free_runs {
-        let mut roller = free_run.roller();
-        if free_run
-            .roll(&mut roller, span, initial, &mut trajectory)
-            .is_err()
-        {
-            return Squares::default();
-        }
-        let states = trajectory.states.chunks_exact(initial.len().max(1));
-        rolled.push(states.map(<[f64]>::to_vec).collect::<Vec<_>>());
-    }
-    let mut squares = Squares::default();
-    // The first state of a window is given.
-    for deviations in spread(&rolled).iter().skip(1) {
-        squares.take(deviations);
-    }
-    squares
 }
 
 /// Names the largest reading of a signal whose errors cannot be summed up.
@@ -324,189 +294,18 @@ fn gap_warning(run: &Run) -> Option<String> {
     ))
 }
 
-/// All positions, and the velocities that every recording has.
-fn channels(model: &Model, runs: &[&Run]) -> Vec<Channel> {
-    let n = model.mechanics.nv();
-    let channel = |velocity| {
-        move |coordinate| Channel {
-            coordinate,
-            velocity,
-        }
-    };
-    let measured = |c: &usize| {
-        runs.iter()
-            .all(|run| run.v.get(*c).is_some_and(Option::is_some))
-    };
-    (0..n)
-        .map(channel(false))
-        .chain((0..n).filter(measured).map(channel(true)))
-        .collect()
-}
-
-/// Where a window is: run, first sample, number of samples.
-type Place = (usize, usize, usize);
-
-/// The places of the windows: evenly spread over all that are possible. No window spans a gap.
-pub(crate) fn starts(runs: &[&Run], options: &Options) -> Vec<Place> {
-    let mut possible = Vec::new();
-    for (index, run) in runs.iter().enumerate() {
-        let Some(typical) = typical_interval(&run.t) else {
-            continue;
-        };
-        let steps = (options.horizon / typical).round().max(1.0);
-        if steps >= run.len() as f64 {
-            continue;
-        }
-        let count = steps as usize + 1;
-        let mut since_gap = 0; // samples since the last gap, this one included
-        for k in 0..run.len() {
-            let gap = k > 0 && run.t[k] - run.t[k - 1] > GAP * typical;
-            since_gap = if gap { 1 } else { since_gap + 1 };
-            if since_gap >= count {
-                possible.push((index, k + 1 - count, count));
-            }
-        }
-    }
-    let n = options.windows.min(possible.len());
-    (0..n)
-        .filter_map(|i| possible.get(i * possible.len() / n).copied())
-        .collect()
-}
-
-/// The states that the windows start from.
-fn beginnings(model: &Model, logs: &[Log], options: &Options, starts: &[Place]) -> States {
-    if options.initial == Initial::Past {
-        let at: Vec<_> = starts.iter().map(|start| (start.0, start.1)).collect();
-        return states_by_the_past(model, logs, &at, options);
-    }
-    let hybrid = Hybrid::of(model);
-    let states = |run: &Run| {
-        let free_run = FreeRun::new(&hybrid, &run.t, &run.u, options.longest_step);
-        free_run.with_hidden(initial_states(model, run, options.initial))
-    };
-    let runs = logs.iter().flat_map(|log| &log.runs);
-    let all: Vec<_> = runs.map(states).collect();
-    let one = |&(run, first, _): &Place| all[run][first].clone();
-    States {
-        states: starts.iter().map(one).collect(),
-        fallen_back: 0,
-    }
-}
-
-/// Every window rolled out from its state, and what `of` makes of it, in their order: the same for any number of threads.
-fn over_windows<T: Send>(
-    model: &Model,
-    logs: &[Log],
-    options: &Options,
-    (starts, initial): (&[Place], &[Vec<f64>]),
-    of: impl Fn(&RolledWindow<'_>) -> T + Sync,
-) -> Vec<T> {
-    let runs: Vec<&Run> = logs.iter().flat_map(|log| &log.runs).collect();
-    let hybrid = Hybrid::of(model);
-    let readings = hybrid.readings(&hybrid.theta(), &[]);
-    let free_runs: Vec<FreeRun> = runs
-        .iter()
-        .map(|run| FreeRun::new(&hybrid, &run.t, &run.u, options.longest_step))
-        .collect();
-    starts
-        .par_iter()
-        .zip(initial)
-        .map_init(
-            Trajectory::default,
-            |trajectory, (&(index, first, count), initial)| {
-                let free_run = &free_runs[index];
-                let mut roller = free_run.roller();
-                let rolled = free_run.roll(&mut roller, (first, count), initial, trajectory);
-                of(&RolledWindow {
-                    model,
-                    index,
-                    run: runs[index],
-                    inputs: free_run.inputs(),
-                    first,
-                    count,
-                    initial,
-                    nx: hybrid.nx(),
-                    arrived: rolled.is_ok(),
-                    states: &trajectory.states,
-                    readings: &readings,
-                })
-            },
-        )
-        .collect()
-}
-
-/// A window that has been rolled out.
-struct RolledWindow<'a> {
-    model: &'a Model,
-    /// Its recording.
-    index: usize,
-    run: &'a Run,
-    inputs: &'a DrivenInputs,
-    /// Its first sample, and their number.
-    first: usize,
-    count: usize,
-    /// Where it begins.
-    initial: &'a [f64],
-    /// Whether it has not diverged.
-    arrived: bool,
-    /// `nx` numbers each, as far as it got.
-    nx: usize,
-    states: &'a [f64],
-    readings: &'a [Reading],
-}
-
-impl RolledWindow<'_> {
-    /// What the sensor of a channel would read at sample `k` of the window, from the second on: a velocity that is a backward difference of
-    /// positions is one.
-    fn reads(&self, channel: Channel, k: usize) -> f64 {
-        let n = self.model.mechanics.nv();
-        let c = channel.coordinate;
-        let (reading, places) = (&self.readings[c], (c, n + c));
-        let t = &self.run.t[self.first..];
-        let position = |k| reading.position(places, self.nx, self.states, t, k).value;
-        let velocity = self.model.sensors[c].velocity;
-        match channel.velocity {
-            false => position(k),
-            true if velocity == Velocity::BackwardDifference => {
-                (position(k) - position(k - 1)) / (t[k] - t[k - 1])
-            }
-            true => reading.velocity(places, self.nx, self.states, t, k).value,
-        }
-    }
-
-    /// Errors of a channel at every sample but the first, simulated less measured.
-    fn errors(&self, channel: Channel, mut each: impl FnMut(f64)) {
-        let c = channel.coordinate;
-        let wraps = self.model.mechanics.coordinates()[c].wraps;
-        for k in 1..self.states.len() / self.nx {
-            let reads = self.reads(channel, k);
-            each(match (channel.velocity, &self.run.v[c]) {
-                (true, Some(measured)) => reads - measured[self.first + k],
-                _ => {
-                    let error = reads - self.run.q[c][self.first + k];
-                    if wraps { wrap_angle(error) } else { error }
-                }
-            });
-        }
-    }
-}
-
 /// The errors themselves behind an [`Evaluation`], one list a signal of [`Evaluation::coordinates`], window after window.
 ///
 /// # Errors
 /// As [`evaluate`], but for overflow.
 pub fn errors(model: &Model, logs: &[Log], options: &Options) -> Result<Vec<Vec<f64>>, Error> {
-    refuse_others(model, logs)?;
-    let runs: Vec<&Run> = logs.iter().flat_map(|log| &log.runs).collect();
-    let starts = starts(&runs, options);
-    let channels = channels(model, &runs);
-    let begun = beginnings(model, logs, options, &starts);
-    let windows = (starts.as_slice(), begun.states.as_slice());
-    let of_window = over_windows(model, logs, options, windows, |window| {
+    let windows = Windows::new(model, logs, options, |_| 0)?;
+    let channels = &windows.channels;
+    let of_window = windows.roll_out(|window| {
         let list = |channel: &Channel| {
             let mut list = Vec::new();
             if window.arrived {
-                window.errors(*channel, |error| list.push(error));
+                window.errors(*channel, |_, error| list.push(error));
             }
             list
         };
@@ -549,18 +348,8 @@ pub struct Signal {
 /// # Errors
 /// As [`evaluate`], but for those of diverging windows and overflow.
 pub fn roll_outs(model: &Model, logs: &[Log], options: &Options) -> Result<Vec<RollOut>, Error> {
-    refuse_others(model, logs)?;
-    let runs: Vec<&Run> = logs.iter().flat_map(|log| &log.runs).collect();
-    let starts = starts(&runs, options);
-    if starts.is_empty() {
-        return Err(Error::NoWindow {
-            horizon: options.horizon,
-        });
-    }
-    let channels = channels(model, &runs);
-    let begun = beginnings(model, logs, options, &starts);
-    let windows = (starts.as_slice(), begun.states.as_slice());
-    Ok(over_windows(model, logs, options, windows, |window| {
+    let windows = Windows::new(model, logs, options, |_| 0)?;
+    Ok(windows.roll_out(|window| {
         let samples = window.first + 1..window.first + window.count;
         let signal = |channel: &Channel| {
             let column = match (channel.velocity, &window.run.v[channel.coordinate]) {
@@ -583,7 +372,7 @@ pub fn roll_outs(model: &Model, logs: &[Log], options: &Options) -> Result<Vec<R
         };
         RollOut {
             t: window.run.t[samples.clone()].to_vec(),
-            signals: channels.iter().map(signal).collect(),
+            signals: windows.channels.iter().map(signal).collect(),
         }
     }))
 }
