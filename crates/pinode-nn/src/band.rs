@@ -307,7 +307,7 @@ mod tests {
 
     #[test]
     fn the_members_factor_is_found_beside_noise_and_growth() {
-        let truth = [3.0, 1e-3, 2e-3];
+        let truth = [3.0, 5e-3, 0.08];
         let found = parts(&samples(3, 3000, truth), 3000);
         // 1.96 standard deviations hold 95 %.
         for (found, truth) in found.iter().zip(truth) {
