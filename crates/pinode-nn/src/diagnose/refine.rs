@@ -10,10 +10,12 @@ use super::study::{Comparison, Fitted, RELIEF, Study};
 
 /// A candidate with this share of its information spanned by free constants is one that they imitate.
 const IMITATED: f64 = 0.9;
-/// Iterations by which the starts of a candidate are compared, of the initial states and of all: of what is quickly fitted, and of what stands
-/// between motor and joint, of which a play may begin far from what it comes to.
-const COMPARING: [(usize, usize); 2] = [(1, 4), (1, 8)];
-/// … and one in so many of the windows.
+/// Iterations by which the starts of a candidate are compared, of the initial states and of all: of what is quickly fitted, of what stands
+/// between motor and joint, which may begin far from what it comes to, and of what is hit, of which soft laws do better than hard ones at first.
+const COMPARING: (usize, usize) = (1, 4);
+const COMPARING_DRIVES: (usize, usize) = (1, 8);
+const COMPARING_STOPS: (usize, usize) = (1, 16);
+/// … and one in so many of the windows, unless what is compared shows in few of them.
 const SHARE: usize = 4;
 /// Iterations of a fit that refines: of a first look at what has no memory, and of all else.
 pub const FIRST_LOOK: usize = 5;
@@ -105,8 +107,13 @@ pub fn refine_one(
     let refined = match starts {
         [only] => fit_with(study, current, &theta, &members(only), (1, iterations)),
         several => {
-            let comparing = COMPARING[usize::from(candidate.kind.is_transmission())];
-            let (some, current_there) = study.some_windows(current, SHARE);
+            let kind = candidate.kind;
+            let (comparing, share) = match (kind.stop().is_some(), kind.is_transmission()) {
+                (true, _) => (COMPARING_STOPS, 1),
+                (_, true) => (COMPARING_DRIVES, SHARE),
+                _ => (COMPARING, SHARE),
+            };
+            let (some, current_there) = study.some_windows(current, share);
             let tried: Vec<Fitted> = several
                 .par_iter()
                 .map(|start| fit_with(&some, &current_there, &theta, &members(start), comparing))

@@ -30,6 +30,10 @@ struct EndStop;
 
 /// What gives for longer than this, s, is a spring and no stop.
 const LONGEST_BLOW: f64 = 0.15;
+/// How far within the range soft stops are looked for, in parts of the reach.
+const SOFT: f64 = 0.05;
+/// ζ from which fits of hard ones start: e = 0.6.
+const DAMPED: f64 = 0.2;
 
 /// The force of the stop on what is `depth` in it and goes on with `rate`, at least 0.
 fn push<D: Scalar>(depth: D, rate: D, stiffness: D, damping: D) -> D {
@@ -117,24 +121,49 @@ pub static KIND: Kind = Kind {
     ],
     action: Action::Joint(&OnCoordinate(EndStop)),
     contains: &[],
-    // Motion that a stop turned back lies before it: the places are just inside of the range that the log covers.
+    // Motion that a stop turned back lies before it: soft ones are just inside of the range that the log covers, hard ones, of which it shows the blows, at its
+    // ends. From soft to hard a fit would have to go past blows that it gets wrong in turn.
     probes: |scales, _| {
-        let inset = 0.05 * scales.reach;
-        let lower = scales.centre - scales.reach + inset;
-        let upper = scales.centre + scales.reach - inset;
-        let stiffness = scales.small_force() / inset;
-        [
-            (f64::NEG_INFINITY, upper),
-            (lower, f64::INFINITY),
-            (lower, upper),
-        ]
-        .map(|(lower, upper)| Probe {
-            neutral: vec![lower, upper, 0.0, 0.0],
-            perturbed: vec![lower, upper, stiffness, 0.0],
-        })
-        .to_vec()
+        let soft = scales.small_force() / (SOFT * scales.reach);
+        let mut probes = vec![
+            probe(scales, [false, true], SOFT, (soft, 0.0)),
+            probe(scales, [true, false], SOFT, (soft, 0.0)),
+            probe(scales, [true, true], SOFT, (soft, 0.0)),
+        ];
+        if KIND.is_suggested(scales) {
+            let hard = [
+                ([true, true], 0.05, 30.0),
+                ([true, true], 0.0, 250.0),
+                ([true, false], 0.01, 80.0),
+                ([false, true], 0.01, 80.0),
+            ];
+            probes.extend(hard.map(|(sides, inset, rate)| {
+                let damping = 2.0 * DAMPED * scales.mass * rate;
+                probe(scales, sides, inset, (scales.mass * rate * rate, damping))
+            }));
+        }
+        probes
     },
 };
+
+/// Stops below and above, this part of the reach within it, with a stiffness and a damping.
+fn probe(scales: &Scales, [low, high]: [bool; 2], inset: f64, (k, c): (f64, f64)) -> Probe {
+    let way = (1.0 - inset) * scales.reach;
+    let lower = if low {
+        scales.centre - way
+    } else {
+        f64::NEG_INFINITY
+    };
+    let upper = if high {
+        scales.centre + way
+    } else {
+        f64::INFINITY
+    };
+    Probe {
+        neutral: vec![lower, upper, 0.0, 0.0],
+        perturbed: vec![lower, upper, k, c],
+    }
+}
 
 #[cfg(test)]
 mod tests {

@@ -50,7 +50,13 @@ pub struct Scales {
     pub largest_input: f64,
     /// Standard deviation of the noise of its position sensor, m or rad.
     pub noise: f64,
+    /// How hard it is turned back at the ends of its range: the acceleration inwards that few samples there exceed, over that which one sample in twenty
+    /// exceeds anywhere.
+    pub blows: f64,
 }
+
+/// A motion that is turned back so hard at the ends of its range is struck there.
+const HARD: f64 = 1.6;
 
 impl Scales {
     /// A force that is small beside those at work.
@@ -147,6 +153,11 @@ impl Kind {
     pub fn starts_at_probes(&self) -> bool {
         let cuts_off = self.parameters.iter().any(|p| p.neutral.is_infinite());
         self.states() > 0 || (matches!(self.action, Action::Drive(_)) && cuts_off)
+    }
+
+    /// Whether the motion itself shows that it is there to be asked for: a stop by its blows.
+    pub fn is_suggested(&self, scales: &Scales) -> bool {
+        self.stop().is_some() && scales.blows > HARD
     }
 
     /// Whether a model file may say over which velocity it spreads a change of sign.

@@ -91,8 +91,13 @@ pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) ->
         .iter()
         .map(|g| g.rows(nuisances, columns.len()) - by_nuisance.transpose() * g.rows(0, nuisances))
         .collect();
+    let is_suggested = |c: &Candidate| c.kind.is_suggested(&c.scales(hybrid, &study.scales));
+    let mut suggested: Vec<Candidate> = columns.iter().map(|column| column.candidate).collect();
+    suggested.dedup();
+    suggested.retain(is_suggested);
     let mut screen = Screen {
         ranked: Vec::new(),
+        suggested,
         alone: s_cc.diagonal().iter().copied().collect(),
         pull,
         columns,

@@ -22,8 +22,8 @@ use probed::Column;
 pub struct Screened {
     /// The candidate.
     pub candidate: Candidate,
-    /// Parameters to start a fit from: the best probe's step; of what starts at its probes every one that the data ask for, the best
-    /// first. None where the bounds allow no step; then there is a relieving one.
+    /// Parameters to start a fit from: the best probe's step; of what starts at its probes every one that the data ask for, of what the motion suggests
+    /// every probe and step, the best first. None where the bounds allow no step; then there is a relieving one.
     pub starts: Vec<Vec<f64>>,
     /// Gain in log-likelihood that the linearisation promises, nats.
     pub gain: f64,
@@ -60,6 +60,8 @@ pub struct ScreenedPair {
 pub struct Screen {
     /// Candidates in the order of their promised gain; those whose only steps are unphysical are left out.
     pub ranked: Vec<Screened>,
+    /// Those of them that the motion itself suggests.
+    pub suggested: Vec<Candidate>,
     columns: Vec<Column>,
     /// Efficient scores of all columns, one vector a window.
     scores: Vec<DVector<f64>>,
@@ -102,12 +104,17 @@ impl Screen {
                     .map(|x| -taken * x)
                     .collect(),
             });
-            let starts: Vec<Vec<f64>> = column.start(b / d).into_iter().collect();
+            let suggested = self.suggested.contains(&column.candidate);
+            let start = column.start(b / d);
+            // Where the bounds allow no step, none is promised.
+            let score = if start.is_none() { 0.0 } else { b };
+            let starts: Vec<Vec<f64>> = match suggested {
+                true => column.starts_if_suggested(b / d),
+                false => start.into_iter().collect(),
+            };
             if starts.is_empty() && relieving.is_none() {
                 continue;
             }
-            // Where the bounds allow no step, none is promised.
-            let score = if starts.is_empty() { 0.0 } else { b };
             let screened = Screened {
                 candidate: column.candidate,
                 starts,
@@ -129,7 +136,7 @@ impl Screen {
                     }
                     false => (known, screened),
                 };
-            if column.candidate.kind.starts_at_probes() {
+            if suggested || column.candidate.kind.starts_at_probes() {
                 better.starts.extend(other.starts);
             }
         }

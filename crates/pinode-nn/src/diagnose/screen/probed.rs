@@ -18,9 +18,19 @@ impl Column {
     /// The parameters a step of `factor` probes away, within their bounds; `None` when the bounds allow no step that way. Of what is far from
     /// linear in its parameters the probe itself is the start, unless the data ask for its opposite.
     pub(super) fn start(&self, factor: f64) -> Option<Vec<f64>> {
-        if self.candidate.kind.starts_at_probes() {
-            return (factor > 0.0).then(|| self.perturbed.clone());
+        match self.candidate.kind.starts_at_probes() {
+            true => (factor > 0.0).then(|| self.perturbed.clone()),
+            false => self.step(factor),
         }
+    }
+
+    /// Where fits start of what the motion itself suggests: at the probe too, whatever the data ask for, for a model without it is nowhere near.
+    pub(super) fn starts_if_suggested(&self, factor: f64) -> Vec<Vec<f64>> {
+        let probe = std::iter::once(self.perturbed.clone());
+        probe.chain(self.step(factor)).collect()
+    }
+
+    fn step(&self, factor: f64) -> Option<Vec<f64>> {
         let specs = self.candidate.kind.parameters;
         let start: Vec<f64> = specs
             .iter()
