@@ -92,7 +92,7 @@ impl Band {
 ///
 /// # Errors
 /// [`Error::NoEnsemble`]; [`Error::NoWindow`] when no recording is long enough; [`Error::Unfittable`] when more than one window of twenty diverges, or
-/// a member of the ensemble does in it; [`Error::Floating`] and [`Error::OtherModel`] as
+/// a member of the ensemble does in it; [`Error::NoBand`]; [`Error::Floating`] and [`Error::OtherModel`] as
 /// [`evaluate`](crate::evaluate::evaluate).
 pub fn calibrate(model: &Model, logs: &[Log], options: &Options) -> Result<Band, Error> {
     calibrate_from(model, logs, options, |run| match options.initial {
@@ -117,30 +117,40 @@ pub(crate) fn calibrate_from(
         });
     }
     let width = |(channel, list): &(Channel, Vec<Deviation>)| {
-        let [spread, floor, growth] = parts(list, found.apart).map(rounded);
-        Width {
+        let parts = parts(list, found.apart);
+        if parts.iter().any(|part| !part.is_finite()) {
+            return Err(Error::NoBand {
+                signal: channel.name(model),
+            });
+        }
+        let [spread, floor, growth] = parts.map(rounded);
+        Ok(Width {
             coordinate: channel.coordinate,
             velocity: channel.velocity,
             spread,
             floor,
             growth,
-        }
+        })
     };
     Ok(Band {
         horizon: options.horizon,
         windows: found.apart,
-        signals: found.of_channels.iter().map(width).collect(),
+        signals: found
+            .of_channels
+            .iter()
+            .map(width)
+            .collect::<Result<_, _>>()?,
     })
 }
 
-/// k, f and g of a signal, from its samples in windows of which so many share no sample.
+/// k, f and g of a signal, from its samples in windows of which so many share no sample; no numbers where the squares of errors are beyond their range.
 fn parts(samples: &[Deviation], windows: usize) -> [f64; 3] {
     let n = samples.len() as f64;
     let mean = |of: fn(&Deviation) -> f64| samples.iter().map(of).sum::<f64>() / n;
     let errors = mean(|d| d.error.powi(2));
     let scales = [mean(|d| d.spread.powi(2)), 1.0, mean(|d| d.since.powi(2))];
-    if errors.is_nan() || errors <= 0.0 {
-        return [0.0; 3];
+    if errors == 0.0 || !errors.is_finite() {
+        return [errors; 3];
     }
     let likelihood = Likelihood {
         samples,
@@ -233,7 +243,7 @@ impl CostFunction for Objective<'_> {
 
 /// With four digits, rounded up in the last: what a file shows is what it means.
 fn rounded(x: f64) -> f64 {
-    if x <= 0.0 || !x.is_finite() {
+    if x == 0.0 {
         return 0.0;
     }
     let digit = 10.0_f64.powi(x.log10().floor() as i32 - 3);
@@ -349,6 +359,13 @@ mod tests {
             .map(|d| Deviation { error: 0.0, ..*d })
             .collect();
         assert_eq!(parts(&none, 200), [0.0; 3]);
+    }
+
+    #[test]
+    fn errors_beyond_the_range_of_numbers_have_no_band() {
+        let mut all = samples(7, 20, [1.0, 1e-3, 0.0]);
+        all[3].error = 1e200;
+        assert!(parts(&all, 20).iter().all(|part| !part.is_finite()));
     }
 
     #[test]

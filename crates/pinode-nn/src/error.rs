@@ -182,6 +182,14 @@ pub enum Error {
         /// The model.
         path: PathBuf,
     },
+    /// Errors of a signal are so large that no band holds them.
+    #[error(
+        "the errors of {signal} are too large to be squared, so that no band holds them: `pinode evaluate` tells which sample of the log it is"
+    )]
+    NoBand {
+        /// `q.<joint>` or `v.<joint>`.
+        signal: String,
+    },
     /// A number that scales a network is beyond the range of 32 bits.
     #[error(
         "the {what} of {name} is {value:e}, which 32 bits do not hold: export it by `--precision f64`"

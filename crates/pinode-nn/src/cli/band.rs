@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::output::Output;
 use super::stepping::{Effort, Stepping};
 use crate::Error;
-use crate::band::{COVERAGE, Width};
+use crate::band::{Band as Calibrated, COVERAGE, Width};
 use crate::disk::Staged;
 use crate::entries::{q_names, starts, v_names};
 use crate::log::Run;
@@ -19,9 +19,8 @@ use crate::spread::{Squares, spread};
 /// What a file of half-widths calls that of a signal.
 const HALF: &str = "half.";
 
-/// What is known of a calibrated band, for programs.
-pub(super) fn calibrated(model: &Model) -> Option<Value> {
-    let band = model.band.as_ref()?;
+/// What is known of a calibrated band of a model, for programs.
+pub(super) fn calibrated(band: &Calibrated, model: &Model) -> Value {
     let columns = columns(model);
     let signals = band.signals.iter().map(|width| {
         json!({
@@ -31,19 +30,16 @@ pub(super) fn calibrated(model: &Model) -> Option<Value> {
             "growth": width.growth,
         })
     });
-    Some(json!({
+    json!({
         "coverage": COVERAGE,
         "horizon_s": band.horizon,
         "windows": band.windows,
         "signals": signals.collect::<Vec<_>>(),
-    }))
+    })
 }
 
 /// The same for people.
-pub(super) fn calibrated_words(model: &Model) -> String {
-    let Some(band) = &model.band else {
-        return String::new();
-    };
+pub(super) fn calibrated_words(band: &Calibrated, model: &Model) -> String {
     let mut out = format!(
         "{:.0} % of what is measured is within √((k s)² + f² + (g t)²) of a roll-out, s the members' standard deviation (tried for {}, on {} windows that \
          share no sample):\n",

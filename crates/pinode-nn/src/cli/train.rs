@@ -260,7 +260,7 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
         _ => band(&members, &training, &options, output),
     };
     let whole = interruptible.wait();
-    let path = write_ensemble(&members, &model, band, out)?;
+    let path = write_ensemble(&members, &model, band.clone(), out)?;
     // Finished: there is nothing to go on with.
     for checkpoint in &checkpoints {
         let _ = std::fs::remove_file(checkpoint);
@@ -271,10 +271,10 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
     };
     let mut report = report(&members, first, &path, out, &metrics);
     report.warnings.extend(no_band);
-    let written = Model::load(&path)?;
-    report.band = calibrated(&written);
+    report.band = band.as_ref().map(|band| calibrated(band, &model));
+    let words = band.map_or(String::new(), |band| calibrated_words(&band, &model));
     output.warnings(&report.warnings);
-    let text = text(&report, &calibrated_words(&written));
+    let text = text(&report, &words);
     output.result(&report, &text)
 }
 

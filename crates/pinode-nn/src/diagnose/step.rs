@@ -170,11 +170,12 @@ impl Looking<'_> {
             false => PROMISED.1 * self.samples(),
         };
         let promising = screen.ranked.iter().filter(|s| s.gain > enough(s));
-        let is_seen = |s: &&Screened| s.t2 > self.least_t2();
-        let leading = promising.clone().find(is_seen).map_or(0.0, |s| s.gain);
+        let best = promising.clone().next().map_or(0.0, |s| s.gain);
+        let is_rare = |s: &Screened| s.t2 > RARE.0 && s.gain > RARE.1 * best;
         let promising: Vec<&Screened> = promising
-            .filter(|s| is_seen(s) || (s.t2 > RARE.0 && s.gain > RARE.1 * leading))
+            .filter(|s| s.t2 > self.least_t2() || is_rare(s))
             .collect();
+        let leading = promising.first().map_or(0.0, |s| s.gain);
         let close = promising.iter().take(REFINED);
         let close = close.take_while(|s| s.gain > CLOSE * leading).count();
         let (close, others) = promising.split_at(close);

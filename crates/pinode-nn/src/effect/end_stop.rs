@@ -32,7 +32,7 @@ struct EndStop;
 const LONGEST_BLOW: f64 = 0.15;
 /// How far within the range soft stops are looked for, in parts of the reach.
 const SOFT: f64 = 0.05;
-/// ζ from which fits of hard ones start: e = 0.6.
+/// ζ from which fits of hard ones start: e = 0.73.
 const DAMPED: f64 = 0.2;
 
 /// The force of the stop on what is `depth` in it and goes on with `rate`, at least 0.
@@ -233,6 +233,45 @@ mod tests {
         // Much damping: in proportion to 1/∛ζ.
         let [much, more] = [2e3, 16e3].map(|c| EndStop.restitution(1.0, &[0.0, 1.0, 1.0, c]));
         assert!((much / more - 2.0).abs() < 0.02, "{much}, {more}");
+    }
+
+    #[test]
+    fn hard_stops_at_the_ends_of_the_range_are_probed_where_the_motion_shows_blows() {
+        let scales = |blows| Scales {
+            centre: 0.1,
+            reach: 0.2,
+            speed: 1.0,
+            force: 4.0,
+            mass: 0.5,
+            input: 2.0,
+            largest_input: 5.0,
+            noise: 1e-3,
+            blows,
+        };
+        let swinging = (KIND.probes)(&scales(1.0), &[]);
+        assert!(swinging.iter().all(|p| p.perturbed[3] == 0.0));
+        let struck = (KIND.probes)(&scales(2.5), &[]);
+        assert_eq!(struck[..swinging.len()], swinging);
+        let hard = &struck[swinging.len()..];
+        assert!(!hard.is_empty());
+        for probe in hard {
+            let [lower, upper, k, c] = probe.perturbed[..] else {
+                panic!("four parameters")
+            };
+            assert!(EndStop.is_itself(&scales(2.5), &probe.perturbed), "{k}");
+            let e = EndStop.restitution(0.5, &probe.perturbed);
+            assert!((e - 0.73).abs() < 0.01, "{e} by {c}");
+            assert!(
+                !lower.is_finite() || (-0.1..-0.08).contains(&lower),
+                "{lower}"
+            );
+            assert!(
+                !upper.is_finite() || (0.28..=0.3 + 1e-12).contains(&upper),
+                "{upper}"
+            );
+            // Where there is none it changes nothing.
+            assert_eq!(probe.neutral[2..], [0.0, 0.0]);
+        }
     }
 
     #[test]
