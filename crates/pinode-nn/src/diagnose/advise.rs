@@ -1,7 +1,7 @@
 //! What to do or to record next.
 
 use super::experiment::{Outcome, Split, short};
-use super::misfit::is_unexplained;
+use super::misfit::{is_unexplained, strays};
 use super::search::Search;
 use super::study::Study;
 use super::verdict::{NamedEffect, Numerics, Unexplained, Verdict};
@@ -64,20 +64,25 @@ pub fn advise(
         ));
     } else if verdict != Verdict::NothingMissing && is_unexplained(study, &search.model) {
         let coordinates = search.model.hybrid.mechanics().coordinates();
-        let excess: Vec<String> = search
-            .model
-            .excess(&study.observations)
-            .iter()
-            .zip(&study.observations.channels)
-            .filter(|(_, channel)| !channel.velocity)
-            .map(|(excess, channel)| {
-                let name = &coordinates[channel.coordinate].name;
-                format!("{excess:.1} times on `{name}`")
-            })
-            .collect();
+        let excess = search.model.excess(&study.observations);
+        let strays = strays(study, &search.model);
+        let channels = study.observations.channels.iter().enumerate();
+        let sizes = channels.filter(|(_, channel)| !channel.velocity);
+        let sizes = sizes.map(|(c, channel)| {
+            let name = &coordinates[channel.coordinate].name;
+            let far = match strays[c] > 0.0 {
+                true => format!(
+                    ", far more in {:.0} % of the windows",
+                    (100.0 * strays[c]).ceil()
+                ),
+                false => String::new(),
+            };
+            format!("{:.1} times on `{name}`{far}", excess[c])
+        });
+        let sizes: Vec<String> = sizes.collect();
         advice.push(format!(
             "what is left is larger than the sensor noise ({}), and {}.",
-            excess.join(", "),
+            sizes.join("; "),
             match unexplained.and_then(|u| u.learnt.as_ref()) {
                 Some(_) => "a network that was taught it does better on unseen data: a law is missing that the library has not, see what it is like",
                 None => "no law of what was measured explains it: pushes from outside, or something that was not measured",

@@ -210,7 +210,11 @@ fn rolled(
     let substeps = study.substeps_for(hybrid, theta);
     let paths = study.hidden_paths(hybrid, theta, substeps);
     let hidden = study.hidden_prior(hybrid, (theta, true), &leads, &paths);
-    let guess = |(w, h): (&Window, &Vec<f64>)| [first_guess(w.run, w.first), h.clone()].concat();
+    let guess = |(w, h): (&Window, &Vec<f64>)| {
+        let mut state = [first_guess(w.run, w.first), h.clone()].concat();
+        hybrid.keep_before_stops(theta, &mut state);
+        state
+    };
     let guesses = leads.iter().zip(&hidden.means).map(guess).collect();
     let noise = observations.channels.iter().map(|c| c.noise).collect();
     let fitted = fit(

@@ -1,29 +1,64 @@
 //! How far residuals exceed the noise of the sensors.
 
 use super::study::{Fitted, Study};
+use crate::shooting::Channel;
 
 /// Residual over sensor noise beyond which a model does not explain the data: on a displacement, on an angle.
 const UNEXPLAINED: (f64, f64) = (1.6, 5.0);
 
-/// The largest residual of a channel over its limit.
-fn misfit(study: &Study, fitted: &Fitted) -> f64 {
+/// A window strays where its residual is so many times that limit. A model whose windows stray in so large a part, and so many of them at least, does
+/// not explain the data either: what strikes now and then is not in the middle of the residuals.
+const STRAYS: f64 = 5.0;
+const OFTEN: f64 = 0.05;
+const FEWEST: usize = 3;
+
+/// The limit of the residual of each channel, in the channel's unit.
+fn limits(study: &Study, fitted: &Fitted) -> Vec<f64> {
     let (linear, angular) = UNEXPLAINED;
     let coordinates = fitted.hybrid.mechanics().coordinates();
-    let excess = fitted.excess(&study.observations);
-    let channels = excess.into_iter().zip(&study.observations.channels);
-    channels
-        .map(
-            |(excess, channel)| match coordinates[channel.coordinate].angular {
-                true => excess / angular,
-                false => excess / linear,
-            },
-        )
+    let channels = study.observations.channels.iter();
+    let limit = |channel: &Channel| match coordinates[channel.coordinate].angular {
+        true => angular * channel.noise,
+        false => linear * channel.noise,
+    };
+    channels.map(limit).collect()
+}
+
+/// The largest residual of a channel over its limit.
+fn misfit(study: &Study, fitted: &Fitted) -> f64 {
+    let limits = limits(study, fitted).into_iter();
+    let sigma = fitted.inside.sigma.iter();
+    sigma
+        .zip(limits)
+        .map(|(sigma, limit)| sigma / limit)
         .fold(0.0, f64::max)
 }
 
-/// Whether a residual is larger than its limit, so many times the noise of its sensor.
+/// In how many of the windows, seen and held out, each channel strays from a fitted model; and the number of windows.
+fn straying(study: &Study, fitted: &Fitted) -> (Vec<usize>, usize) {
+    let windows = || fitted.inside.squares.iter().chain(&fitted.outside.squares);
+    let limits = limits(study, fitted).into_iter().enumerate();
+    let of_channel = |(c, limit): (usize, f64)| {
+        let strays = |(sum, n): (f64, usize)| {
+            sum.is_nan() || sum > (STRAYS * limit).powi(2) * n.max(1) as f64
+        };
+        windows().filter(|window| strays(window[c])).count()
+    };
+    (limits.map(of_channel).collect(), windows().count())
+}
+
+/// Share of the windows, seen and held out, in which each channel strays from a fitted model.
+pub fn strays(study: &Study, fitted: &Fitted) -> Vec<f64> {
+    let (straying, windows) = straying(study, fitted);
+    let share = |count: usize| count as f64 / windows.max(1) as f64;
+    straying.into_iter().map(share).collect()
+}
+
+/// Whether a residual is larger than its limit, so many times the noise of its sensor, or too many windows stray.
 pub fn is_unexplained(study: &Study, fitted: &Fitted) -> bool {
-    misfit(study, fitted) > 1.0
+    let (straying, windows) = straying(study, fitted);
+    let many = |count: usize| count >= FEWEST && count as f64 > OFTEN * windows as f64;
+    misfit(study, fitted) > 1.0 || straying.into_iter().any(many)
 }
 
 /// The share of the misfit of `null` that `model` explains, on a logarithmic scale: 1 where what is left does not exceed

@@ -14,6 +14,7 @@
 
 mod advise;
 pub(crate) mod audit;
+mod blows;
 mod candidate;
 mod confidence;
 pub mod curves;
@@ -42,6 +43,7 @@ mod shapes;
 pub mod sketch;
 pub(crate) mod smooth;
 mod step;
+mod stops;
 mod study;
 mod unexplained;
 pub mod verdict;

@@ -6,16 +6,16 @@ use super::candidate::Candidate;
 use super::confidence::wins;
 use super::found::position;
 use super::screen::Screened;
+use super::stops::fit_struck;
 use super::study::{Comparison, Fitted, RELIEF, Study};
 
 /// A candidate with this share of its information spanned by free constants is one that they imitate.
 const IMITATED: f64 = 0.9;
-/// Iterations by which the starts of a candidate are compared, of the initial states and of all: of what is quickly fitted, of what stands
-/// between motor and joint, which may begin far from what it comes to, and of what is hit, of which soft laws do better than hard ones at first.
+/// Iterations by which the starts of a candidate are compared, of the initial states and of all: of what is quickly fitted, and of what stands
+/// between motor and joint, which may begin far from what it comes to.
 const COMPARING: (usize, usize) = (1, 4);
 const COMPARING_DRIVES: (usize, usize) = (1, 8);
-const COMPARING_STOPS: (usize, usize) = (1, 16);
-/// … and one in so many of the windows, unless what is compared shows in few of them.
+/// … and one in so many of the windows.
 const SHARE: usize = 4;
 /// Iterations of a fit that refines: of a first look at what has no memory, and of all else.
 pub const FIRST_LOOK: usize = 5;
@@ -78,9 +78,7 @@ pub fn would_relieve(screened: &Screened) -> bool {
     is_imitated(screened) && screened.relief > RELIEF && screened.relieving.is_some()
 }
 
-/// The screen's candidate as a fit has it. One that stretched constants imitate starts where it takes over from them: along the valley
-/// between the two a fit would creep. Of several starts the one whose first iterations explain most is taken: laws with a memory are far
-/// from linear in their parameters, and get no fewer than [`ITERATIONS`].
+/// The screen's candidate as a fit has it, of what has no memory after a first look of so many iterations.
 pub fn refine_one(
     study: &Study,
     current: &Fitted,
@@ -88,14 +86,35 @@ pub fn refine_one(
     iterations: usize,
 ) -> Contender {
     let candidate = screened.candidate;
-    let iterations = match candidate.kind.states() {
+    let fitted = match screened.shown {
+        true => fit_struck(study, current, candidate, &screened.starts, iterations),
+        false => fit_screened(study, current, screened, iterations),
+    };
+    let fitted = fitted.unwrap_or_else(|| current.clone());
+    Contender {
+        imitated: is_imitated(screened),
+        ..contender(study, vec![candidate], fitted, current)
+    }
+}
+
+/// One that stretched constants imitate starts where it takes over from them: along the valley
+/// between the two a fit would creep. Of several starts the one whose first iterations explain most is taken: laws with a memory are far
+/// from linear in their parameters, and get no fewer than [`ITERATIONS`]. `None` without a start.
+fn fit_screened(
+    study: &Study,
+    current: &Fitted,
+    screened: &Screened,
+    iterations: usize,
+) -> Option<Fitted> {
+    let (candidate, kind) = (screened.candidate, screened.candidate.kind);
+    let iterations = match kind.states() {
         0 => iterations,
         _ => iterations.max(ITERATIONS),
     };
     let mut theta = current.inside.theta.clone();
     let mut starts = screened.starts.as_slice();
     if let Some(step) = &screened.relieving
-        && ((is_imitated(screened) && !candidate.kind.starts_at_probes()) || starts.is_empty())
+        && ((is_imitated(screened) && !kind.starts_at_probes()) || starts.is_empty())
     {
         for (&i, shift) in current.inside.free.iter().zip(&step.shift) {
             let constant = &current.hybrid.constants()[i];
@@ -104,36 +123,28 @@ pub fn refine_one(
         starts = std::slice::from_ref(&step.start);
     }
     let members = |start: &Vec<f64>| [(candidate, start.clone())];
-    let refined = match starts {
-        [only] => fit_with(study, current, &theta, &members(only), (1, iterations)),
-        several => {
-            let kind = candidate.kind;
-            let (comparing, share) = match (kind.stop().is_some(), kind.is_transmission()) {
-                (true, _) => (COMPARING_STOPS, 1),
-                (_, true) => (COMPARING_DRIVES, SHARE),
-                _ => (COMPARING, SHARE),
-            };
-            let (some, current_there) = study.some_windows(current, share);
-            let tried: Vec<Fitted> = several
-                .par_iter()
-                .map(|start| fit_with(&some, &current_there, &theta, &members(start), comparing))
-                .collect();
-            let best = tried
-                .into_iter()
-                .max_by(|a, b| a.score(0).total_cmp(&b.score(0)));
-            match best {
-                Some(best) => {
-                    let start = current.start(best.inside.theta.clone());
-                    study.fit(best.hybrid, start, 1, iterations)
-                }
-                None => current.clone(),
-            }
-        }
-    };
-    Contender {
-        imitated: is_imitated(screened),
-        ..contender(study, vec![candidate], refined, current)
+    if let [only] = starts {
+        let members = members(only);
+        return Some(fit_with(study, current, &theta, &members, (1, iterations)));
     }
+    let comparing = match kind.is_transmission() {
+        true => COMPARING_DRIVES,
+        false => COMPARING,
+    };
+    let (some, current_there) = study.some_windows(current, SHARE);
+    let tried: Vec<Fitted> = starts
+        .par_iter()
+        .map(|start| fit_with(&some, &current_there, &theta, &members(start), comparing))
+        .collect();
+    let best = best(tried)?;
+    let start = current.start(best.inside.theta);
+    Some(study.fit(best.hybrid, start, 1, iterations))
+}
+
+/// The one that explains most.
+pub fn best(fits: Vec<Fitted>) -> Option<Fitted> {
+    let fits = fits.into_iter();
+    fits.max_by(|a, b| a.score(0).total_cmp(&b.score(0)))
 }
 
 /// The model with `members`, fitted from their values, `theta` for all else and the initial states of `current`: `iterations` of the

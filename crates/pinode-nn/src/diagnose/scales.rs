@@ -1,12 +1,20 @@
 //! How large the motion in a log is.
 
+use super::blows::struck;
 use super::smooth::Smoothed;
 use crate::effect::Scales;
 use crate::hybrid::Hybrid;
 use crate::shooting::Observations;
 
-/// The scales of the motion, one a coordinate.
-pub fn scales(hybrid: &Hybrid, smoothed: &[Smoothed], observations: &Observations) -> Vec<Scales> {
+/// What is straight enough for a line is so many times shorter than what is smooth enough for a cubic on either side of its middle.
+const STRAIGHT: f64 = 4.0 / 3.0;
+
+/// The scales of the motion, one a coordinate, smoothed over `half_width` s.
+pub fn scales(
+    hybrid: &Hybrid,
+    (smoothed, half_width): (&[Smoothed], f64),
+    observations: &Observations,
+) -> Vec<Scales> {
     let nv = hybrid.nv();
     let theta = hybrid.theta();
     let mut memory = hybrid.memory(&[]);
@@ -56,63 +64,8 @@ pub fn scales(hybrid: &Hybrid, smoothed: &[Smoothed], observations: &Observation
                     .channels
                     .get(c)
                     .map_or(f64::INFINITY, |own| own.noise),
-                blows: blows(smoothed, c, (low, high)),
+                struck: struck(observations, c, STRAIGHT * half_width),
             }
         })
         .collect()
-}
-
-/// Within this part of half the range a motion is at its end.
-const END: f64 = 0.04;
-/// So many samples there may be accelerated harder.
-const FEW: usize = 4;
-
-/// [`Scales::blows`] of a coordinate that ranges from `low` to `high`.
-fn blows(smoothed: &[Smoothed], c: usize, (low, high): (f64, f64)) -> f64 {
-    let samples = || smoothed.iter().flat_map(|s| s.q[c].iter().zip(&s.a[c]));
-    let margin = END * 0.5 * (high - low);
-    let mut all: Vec<f64> = samples().map(|(_, a)| a.abs()).collect();
-    let inwards = samples().filter_map(|(&q, &a)| match (q - low < margin, high - q < margin) {
-        (true, _) => Some(a),
-        (_, true) => Some(-a),
-        _ => None,
-    });
-    let mut inwards: Vec<f64> = inwards.collect();
-    all.sort_by(f64::total_cmp);
-    inwards.sort_by(|a, b| b.total_cmp(a));
-    let usual = all.get(all.len() * 19 / 20).copied().unwrap_or(0.0);
-    match inwards.get(FEW) {
-        Some(hard) if usual > 0.0 => hard / usual,
-        _ => 0.0,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A motion of amplitude 1 with these accelerations where it turns, ω² elsewhere.
-    fn turned(at_ends: f64) -> Smoothed {
-        let phase = |k: usize| std::f64::consts::TAU * k as f64 / 100.0;
-        let q: Vec<f64> = (0..2000).map(|k| phase(k).sin()).collect();
-        let a = q.iter().map(|q| match q.abs() > 0.999 {
-            true => -at_ends * q.signum(),
-            false => -q,
-        });
-        Smoothed {
-            a: vec![a.collect()],
-            v: vec![(0..2000).map(|k| phase(k).cos()).collect()],
-            q: vec![q],
-        }
-    }
-
-    #[test]
-    fn what_is_struck_at_its_ends_is_turned_harder_than_what_swings() {
-        let of = |at_ends: f64| blows(&[turned(at_ends)], 0, (-1.0, 1.0));
-        assert!((of(1.0) - 1.0).abs() < 0.01, "{}", of(1.0));
-        assert!(of(8.0) > 2.0, "{}", of(8.0));
-        // Thrown outwards is not struck.
-        assert!(of(-8.0) < 1.01, "{}", of(-8.0));
-        assert_eq!(blows(&[], 0, (0.0, 1.0)), 0.0);
-    }
 }

@@ -92,7 +92,7 @@ pub fn prepare(
         .iter()
         .map(|run| smooth(run, &wraps, half_width))
         .collect();
-    let scales = scales(&hybrid, &smoothed, &observations);
+    let scales = scales(&hybrid, (&smoothed, half_width), &observations);
     let names: Vec<String> = model.inputs.iter().map(|i| i.name.clone()).collect();
     let excitation = excitation(
         &hybrid,
@@ -109,12 +109,6 @@ pub fn prepare(
     };
     let substeps = ((interval / coarsest).ceil() as usize).clamp(1, MOST_SUBSTEPS);
 
-    let guess = |windows: &[Window]| -> Vec<Vec<f64>> {
-        windows
-            .iter()
-            .map(|w| smoothed[w.run].state(w.first))
-            .collect()
-    };
     let mut study = Study {
         scales,
         smoothed: Arc::new(smoothed.clone()),
@@ -126,17 +120,19 @@ pub fn prepare(
         observations,
         windows,
     };
+    let theta = hybrid.theta();
+    let measured = |windows: &[Window]| study.measured(&hybrid, &theta, windows);
     let start = Start {
-        theta: hybrid.theta(),
         hidden: Vec::new(),
-        inside: guess(&study.windows.fit),
-        outside: guess(&study.windows.held_out),
+        inside: measured(&study.windows.fit),
+        outside: measured(&study.windows.held_out),
         sigma: study
             .observations
             .channels
             .iter()
             .map(|c| 3.0 * c.noise)
             .collect(),
+        theta: theta.clone(),
     };
     let mut null = study.fit(hybrid, start, 6, 20);
     // The step: fine enough that half of it changes nothing.

@@ -93,19 +93,10 @@ fn local_cubic(t: &[f64], y: &[f64], valid: &[bool], k: usize, half_width: f64) 
         last += 1;
     }
     let width = (t[last] - t[k]).max(t[k] - t[first]).max(f64::MIN_POSITIVE);
-    let mut normal = SMatrix::<f64, 4, 4>::zeros();
-    let mut rhs = SVector::<f64, 4>::zeros();
-    for i in (first..=last).filter(|&i| valid[i]) {
-        let s = (t[i] - t[k]) / width;
-        let row = SVector::<f64, 4>::new(1.0, s, s * s, s * s * s);
-        normal += row * row.transpose();
-        rhs += row * (y[i] - y[k]);
-    }
-    match normal.cholesky() {
-        Some(factor) => {
-            let x = factor.solve(&rhs);
-            [y[k] + x[0], x[1] / width, 2.0 * x[2] / (width * width)]
-        }
+    let within = (first..=last).filter(|&i| valid[i]);
+    let points = within.map(|i| ((t[i] - t[k]) / width, y[i] - y[k]));
+    match polynomial::<4>(points) {
+        Some(x) => [y[k] + x[0], x[1] / width, 2.0 * x[2] / (width * width)],
         // Too few valid samples around: the plain difference.
         None => [
             y[k],
@@ -113,6 +104,25 @@ fn local_cubic(t: &[f64], y: &[f64], valid: &[bool], k: usize, half_width: f64) 
             0.0,
         ],
     }
+}
+
+/// The coefficients of 1, s, s², … of the polynomial through points (s, y) by least squares; `None` where they do not determine it.
+pub fn polynomial<const N: usize>(
+    points: impl Iterator<Item = (f64, f64)>,
+) -> Option<SVector<f64, N>> {
+    let mut normal = SMatrix::<f64, N, N>::zeros();
+    let mut rhs = SVector::<f64, N>::zeros();
+    for (s, y) in points {
+        let mut power = 1.0;
+        let row = SVector::<f64, N>::from_fn(|_, _| {
+            let this = power;
+            power *= s;
+            this
+        });
+        normal += row * row.transpose();
+        rhs += row * y;
+    }
+    Some(normal.cholesky()?.solve(&rhs))
 }
 
 #[cfg(test)]

@@ -191,9 +191,8 @@ impl Looking<'_> {
             chosen.extend(imitated.into_iter().take(RELIEVING));
         }
         // Blows that a model does not have take its roll-outs so far away that their linearisation says nothing of them.
-        let suggested = screen.ranked.iter();
-        let suggested = suggested.filter(|s| screen.suggested.contains(&s.candidate));
-        let new: Vec<&Screened> = suggested.filter(|s| !chosen.contains(s)).collect();
+        let shown = screen.ranked.iter().filter(|s| s.shown);
+        let new: Vec<&Screened> = shown.filter(|s| !chosen.contains(s)).collect();
         chosen.extend(new);
         self.refine_all(screen, &chosen, step);
         for (batch, others) in others.chunks(REFINED).take(BATCHES).enumerate() {

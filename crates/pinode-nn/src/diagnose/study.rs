@@ -13,8 +13,10 @@ use crate::shooting::{Fit, FitOptions, HiddenPrior, Observations, Window, Window
 
 /// At most so many integration steps per sample.
 pub const MOST_SUBSTEPS: usize = 64;
-/// Longest integration step for effects with a memory, in units of their fastest rate.
+/// Longest integration step for effects with a memory, in units of their fastest rate, and for stops, in units of that of their blows: these have
+/// to give back what they do however they lie to the steps.
 const RESOLVED: f64 = 1.5;
+const RESOLVED_BLOWS: f64 = 0.5;
 /// So many times a fit with hidden states goes on along their new path, while that moves a constant by more than [`STILL`] of what the data would
 /// determine it to if all others were known.
 const FURTHER_PATHS: usize = 2;
@@ -25,7 +27,7 @@ const FORGOTTEN: f64 = 3.0;
 const STATES_ALONE: usize = 3;
 /// At least so many windows speak for all of them.
 const FEWEST_SOME: usize = 12;
-/// Effects with a memory may take so many times the integration steps of the other ones.
+/// Effects with a memory and stops may take so many times the integration steps of the other ones.
 const MOST_REFINED: usize = 4;
 
 /// The data under study.
@@ -210,9 +212,11 @@ impl Comparison {
 }
 
 impl Study {
-    /// Integration steps per log sample for a model at θ: more than else where an effect with a memory is fast.
+    /// Integration steps per log sample for a model at θ: more than else where an effect with a memory is fast, or a stop hard.
     pub fn substeps_for(&self, hybrid: &Hybrid, theta: &[f64]) -> usize {
-        let rate = hybrid.fastest_memory(theta, &self.scales);
+        let memory = hybrid.fastest_memory(theta, &self.scales);
+        let blows = hybrid.fastest_blow(theta, &self.scales);
+        let rate = memory.max(RESOLVED / RESOLVED_BLOWS * blows);
         let most = MOST_SUBSTEPS.min(MOST_REFINED * self.substeps);
         let mut substeps = self.substeps;
         while substeps < most && self.interval * rate > RESOLVED * substeps as f64 {
@@ -244,6 +248,16 @@ impl Study {
         fitted.inside.states = some(&fitted.inside.states, share);
         fitted.outside.states.clear();
         (study, fitted)
+    }
+
+    /// States (q, v) at the start of windows, as measured, for a model at θ: none of them in a stop.
+    pub fn measured(&self, hybrid: &Hybrid, theta: &[f64], windows: &[Window]) -> Vec<Vec<f64>> {
+        let state = |w: &Window| {
+            let mut state = self.smoothed[w.run].state(w.first);
+            hybrid.keep_before_stops(theta, &mut state);
+            state
+        };
+        windows.iter().map(state).collect()
     }
 
     /// Where each recording takes the hidden states of a model.

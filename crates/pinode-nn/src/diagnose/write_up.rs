@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::candidate::Candidate;
 use super::experiment::{self, Split};
+use super::misfit;
 use super::refine::Contender;
 use super::search::Search;
 use super::study::{Comparison, Fitted, Study};
@@ -294,16 +295,16 @@ pub fn residuals(study: &Study, search: &Search) -> Vec<Residual> {
     let coordinates = search.null.hybrid.mechanics().coordinates();
     let before = search.null.excess(&study.observations);
     let after = search.model.excess(&study.observations);
-    let channels = &study.observations.channels;
+    let strays = [&search.null, &search.model].map(|fitted| misfit::strays(study, fitted));
+    let channels = study.observations.channels.iter().enumerate();
     channels
-        .iter()
-        .zip(before.into_iter().zip(after))
-        .map(|(channel, (before, after))| {
+        .map(|(c, channel)| {
             let of = if channel.velocity { "v" } else { "q" };
             Residual {
                 name: format!("{of}.{}", coordinates[channel.coordinate].name),
-                before,
-                after,
+                before: before[c],
+                after: after[c],
+                strays: [strays[0][c], strays[1][c]],
             }
         })
         .collect()

@@ -53,6 +53,12 @@ pub trait RigidStop: Send + Sync {
 
     /// e in [0, 1] where the coordinate moves with the effective `mass` 1/(M⁻¹)_jj, kg or kg·m².
     fn restitution(&self, mass: f64, p: &[f64]) -> f64;
+
+    /// Rate of the swing that half a blow is of, for that mass, 1/s; 0 where there is no stop.
+    fn rate(&self, mass: f64, p: &[f64]) -> f64;
+
+    /// Parameters of stops that would deal the blows by which a log's motion is turned back; none where it has none.
+    fn struck(&self, scales: &Scales) -> Vec<Vec<f64>>;
 }
 
 /// sgn(v) spread over `smoothing`: tanh(v / smoothing).

@@ -50,13 +50,22 @@ pub struct Scales {
     pub largest_input: f64,
     /// Standard deviation of the noise of its position sensor, m or rad.
     pub noise: f64,
-    /// How hard it is turned back at the ends of its range: the acceleration inwards that few samples there exceed, over that which one sample in twenty
-    /// exceeds anywhere.
-    pub blows: f64,
+    /// What turns it back at the lower and the upper end of its range, where the log shows blows.
+    pub struck: [Option<Struck>; 2],
 }
 
-/// A motion that is turned back so hard at the ends of its range is struck there.
-const HARD: f64 = 1.6;
+/// An end of the range at which blows turn the motion back.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Struck {
+    /// Where it is, m or rad.
+    pub place: f64,
+    /// With what speed it is struck, m/s or rad/s.
+    pub speed: f64,
+    /// The part of it that is left behind a blow, 0 to 1.
+    pub restitution: f64,
+    /// A blow lasts no longer than about this, s.
+    pub within: f64,
+}
 
 impl Scales {
     /// A force that is small beside those at work.
@@ -155,9 +164,10 @@ impl Kind {
         self.states() > 0 || (matches!(self.action, Action::Drive(_)) && cuts_off)
     }
 
-    /// Whether the motion itself shows that it is there to be asked for: a stop by its blows.
-    pub fn is_suggested(&self, scales: &Scales) -> bool {
-        self.stop().is_some() && scales.blows > HARD
+    /// Where fits start of what the motion itself shows to be there, whatever a screen says: stops by their blows. Else none.
+    pub fn suggested(&self, scales: &Scales) -> Vec<Vec<f64>> {
+        self.stop()
+            .map_or_else(Vec::new, |stop| stop.struck(scales))
     }
 
     /// Whether a model file may say over which velocity it spreads a change of sign.

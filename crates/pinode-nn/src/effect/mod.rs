@@ -60,7 +60,9 @@ pub use inertial::{Inertial, Misplaced, tilt_direction};
 pub use joint_force::{
     DryFriction, ForceLaw, JointForce, JointForceDerivatives, OnCoordinate, RigidStop, smooth_sign,
 };
-pub use kind::{Action, ActsOn, Family, Kind, LeftOut, ParameterSpec, Probe, Quantity, Scales};
+pub use kind::{
+    Action, ActsOn, Family, Kind, LeftOut, ParameterSpec, Probe, Quantity, Scales, Struck,
+};
 pub(crate) use memory::MOST_STATES;
 pub use memory::{MemoryDerivatives, MemoryForce, MemoryLaw, Seen, WithMemory};
 pub use pointwise::{Pointwise, PointwiseLaw};

@@ -187,7 +187,7 @@ mod tests {
             mass: 0.5,
             input: 2.0,
             largest_input: 5.0,
-            blows: 1.0,
+            struck: [None; 2],
             noise: 1e-3,
         };
         let cases: [(&str, &[f64], bool); 14] = [

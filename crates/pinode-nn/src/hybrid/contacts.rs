@@ -169,6 +169,19 @@ impl Hybrid {
         }
     }
 
+    /// Moves the coordinates of a state (q, v, …) that are in a stop to where it begins. A state that was measured is in it by no more than an error,
+    /// but a hard spring would throw it out.
+    pub fn keep_before_stops(&self, theta: &[f64], state: &mut [f64]) {
+        for (index, effect) in self.effects.iter().enumerate() {
+            let Some(stop) = effect.kind.stop() else {
+                continue;
+            };
+            let [lower, upper] = stop.places(&theta[self.range(index)]);
+            let q = &mut state[effect.target];
+            *q = q.max(lower.unwrap_or(*q)).min(upper.unwrap_or(*q));
+        }
+    }
+
     /// The dry effects: the coordinate, the law, the index among all effects.
     fn dry(&self) -> impl Iterator<Item = (usize, &'static dyn DryFriction, usize)> {
         let laws = self.effects.iter().enumerate();

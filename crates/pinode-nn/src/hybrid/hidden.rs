@@ -3,7 +3,7 @@
 use nalgebra::DVector;
 
 use super::{DrivenInputs, Hybrid, State};
-use crate::effect::{MOST_STATES, MemoryForce, Scales, Seen};
+use crate::effect::{Kind, MOST_STATES, MemoryForce, Scales, Seen};
 
 /// Longest step of a pass, in units of the fastest rate.
 const RESOLVED: f64 = 0.5;
@@ -145,12 +145,30 @@ impl Hybrid {
 
     /// The fastest rate of the effects with a memory, 1/s.
     pub fn fastest_memory(&self, theta: &[f64], scales: &[Scales]) -> f64 {
+        self.fastest(theta, scales, |kind, scale, p| {
+            Some(kind.memory()?.fastest(scale.speed, scale.mass, p))
+        })
+    }
+
+    /// The fastest rate of the blows on stops, 1/s.
+    pub fn fastest_blow(&self, theta: &[f64], scales: &[Scales]) -> f64 {
+        self.fastest(theta, scales, |kind, scale, p| {
+            Some(kind.stop()?.rate(scale.mass, p))
+        })
+    }
+
+    /// The largest of the rates `of` effects with these parameters, on targets of these scales; 0 without one.
+    fn fastest(
+        &self,
+        theta: &[f64],
+        scales: &[Scales],
+        of: impl Fn(&Kind, &Scales, &[f64]) -> Option<f64>,
+    ) -> f64 {
         let effects = self.effects.iter().enumerate();
         effects
             .filter_map(|(index, effect)| {
                 let scale = &scales[self.coordinate_of(effect.kind, effect.target)];
-                let law = effect.kind.memory()?;
-                Some(law.fastest(scale.speed, scale.mass, &theta[self.range(index)]))
+                of(effect.kind, scale, &theta[self.range(index)])
             })
             .fold(0.0, f64::max)
     }

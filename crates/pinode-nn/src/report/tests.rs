@@ -144,6 +144,7 @@ pub(super) fn diagnosis(slider: &str) -> Diagnosis {
             name: "q.slider".into(),
             before: 12.0,
             after: 1.05,
+            strays: [0.4, 0.0],
         }],
         data_faults: vec![DataFault {
             kind: "outliers".into(),

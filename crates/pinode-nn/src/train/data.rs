@@ -127,7 +127,7 @@ impl Recordings {
         let mut recordings = Recordings {
             loss: loss(&hybrid, &observations, options),
             targets: targets(logs, held_out, (&observations, &audited.firsts), options),
-            scales: scales(&hybrid, &smoothed, &observations),
+            scales: scales(&hybrid, (&smoothed, SMOOTHING), &observations),
             inputs: Vec::new(),
             readings: Vec::new(),
             paths: Vec::new(),

@@ -91,13 +91,15 @@ pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) ->
         .iter()
         .map(|g| g.rows(nuisances, columns.len()) - by_nuisance.transpose() * g.rows(0, nuisances))
         .collect();
-    let is_suggested = |c: &Candidate| c.kind.is_suggested(&c.scales(hybrid, &study.scales));
-    let mut suggested: Vec<Candidate> = columns.iter().map(|column| column.candidate).collect();
-    suggested.dedup();
-    suggested.retain(is_suggested);
+    let mut candidates: Vec<Candidate> = columns.iter().map(|column| column.candidate).collect();
+    candidates.dedup();
+    let suggested = |c: Candidate| {
+        let starts = c.kind.suggested(&c.scales(hybrid, &study.scales));
+        (!starts.is_empty()).then_some((c, starts))
+    };
     let mut screen = Screen {
         ranked: Vec::new(),
-        suggested,
+        suggested: candidates.into_iter().filter_map(suggested).collect(),
         alone: s_cc.diagonal().iter().copied().collect(),
         pull,
         columns,

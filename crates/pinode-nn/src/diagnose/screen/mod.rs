@@ -22,9 +22,11 @@ use probed::Column;
 pub struct Screened {
     /// The candidate.
     pub candidate: Candidate,
-    /// Parameters to start a fit from: the best probe's step; of what starts at its probes every one that the data ask for, of what the motion suggests
-    /// every probe and step, the best first. None where the bounds allow no step; then there is a relieving one.
+    /// Parameters to start a fit from: the best probe's step; of what starts at its probes every one that the data ask for, of what the motion
+    /// suggests what that shows, the best first. None where the bounds allow no step; then there is a relieving one.
     pub starts: Vec<Vec<f64>>,
+    /// Whether the motion itself shows it: then it is worth a fit whatever the linearisation promises.
+    pub shown: bool,
     /// Gain in log-likelihood that the linearisation promises, nats.
     pub gain: f64,
     /// Cluster-robust t².
@@ -60,8 +62,8 @@ pub struct ScreenedPair {
 pub struct Screen {
     /// Candidates in the order of their promised gain; those whose only steps are unphysical are left out.
     pub ranked: Vec<Screened>,
-    /// Those of them that the motion itself suggests.
-    pub suggested: Vec<Candidate>,
+    /// What the motion itself suggests, and where fits of it start.
+    suggested: Vec<(Candidate, Vec<Vec<f64>>)>,
     columns: Vec<Column>,
     /// Efficient scores of all columns, one vector a window.
     scores: Vec<DVector<f64>>,
@@ -79,6 +81,13 @@ pub struct Screen {
 impl Screen {
     fn total(&self, column: usize) -> f64 {
         self.scores.iter().map(|e| e[column]).sum()
+    }
+
+    /// Where fits start of what the motion itself suggests.
+    fn suggestion(&self, candidate: &Candidate) -> Option<&[Vec<f64>]> {
+        let mut suggested = self.suggested.iter();
+        let found = suggested.find(|(c, _)| c == candidate);
+        found.map(|(_, starts)| starts.as_slice())
     }
 
     fn rank(&mut self) {
@@ -104,13 +113,13 @@ impl Screen {
                     .map(|x| -taken * x)
                     .collect(),
             });
-            let suggested = self.suggested.contains(&column.candidate);
             let start = column.start(b / d);
             // Where the bounds allow no step, none is promised.
             let score = if start.is_none() { 0.0 } else { b };
+            let suggested = self.suggestion(&column.candidate);
             let starts: Vec<Vec<f64>> = match suggested {
-                true => column.starts_if_suggested(b / d),
-                false => start.into_iter().collect(),
+                Some(starts) => starts.to_vec(),
+                None => start.into_iter().collect(),
             };
             if starts.is_empty() && relieving.is_none() {
                 continue;
@@ -118,6 +127,7 @@ impl Screen {
             let screened = Screened {
                 candidate: column.candidate,
                 starts,
+                shown: suggested.is_some(),
                 gain: 0.5 * score * score / d,
                 t2: score * score / squares,
                 spanned: 1.0 - d / self.alone[k],
@@ -136,7 +146,7 @@ impl Screen {
                     }
                     false => (known, screened),
                 };
-            if suggested || column.candidate.kind.starts_at_probes() {
+            if suggested.is_none() && column.candidate.kind.starts_at_probes() {
                 better.starts.extend(other.starts);
             }
         }

@@ -24,12 +24,6 @@ impl Column {
         }
     }
 
-    /// Where fits start of what the motion itself suggests: at the probe too, whatever the data ask for, for a model without it is nowhere near.
-    pub(super) fn starts_if_suggested(&self, factor: f64) -> Vec<Vec<f64>> {
-        let probe = std::iter::once(self.perturbed.clone());
-        probe.chain(self.step(factor)).collect()
-    }
-
     fn step(&self, factor: f64) -> Option<Vec<f64>> {
         let specs = self.candidate.kind.parameters;
         let start: Vec<f64> = specs

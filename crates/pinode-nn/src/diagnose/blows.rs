@@ -1,0 +1,200 @@
+//! Blows that a log shows: where the motion is turned back at once near the end of its range, and how much speed it keeps.
+//!
+//! Where z, the coordinate or its negative, turns near its end at a sample, lines through the samples before and behind it have the slopes v and −v′
+//! and meet at the place of the blow, and v + v′ over the time between the middles of the two is the acceleration that turned it. What swings to and fro
+//! has the same acceleration before and behind; what is struck has not.
+
+use nalgebra::SVector;
+
+use super::audit::median;
+use super::smooth::{polynomial, unwrapped};
+use crate::effect::Struck;
+use crate::shooting::{Observations, ObservedRun};
+
+/// The part of the samples that may be beyond what is taken for an end of the range.
+const BEYOND: f64 = 0.005;
+/// Within this part of half the range a motion is at its end.
+const END: f64 = 0.08;
+/// Samples before and behind a blow, at least, that lines go through.
+const STRAIGHT: usize = 4;
+/// No sample so near is further out than one at which the motion turns.
+const NEAR: usize = 3;
+/// Fewer blows say nothing of an end.
+const FEWEST: usize = 5;
+/// Blows turn a motion by so many times the acceleration inwards before and behind them …
+const SHARP: f64 = 4.0;
+/// … and are so many standard errors fast.
+const FAST: f64 = 5.0;
+
+/// What strikes the `c`th coordinate at its lower and its upper end; what is straight between the blows is so for `straight` s.
+pub fn struck(observations: &Observations, c: usize, straight: f64) -> [Option<Struck>; 2] {
+    [-1.0, 1.0].map(|side| at_end(observations, c, side, straight))
+}
+
+/// One turn at an end.
+struct Turn {
+    /// Where the lines meet.
+    place: f64,
+    /// Speed outwards before it, and inwards behind it.
+    before: f64,
+    after: f64,
+    /// Acceleration inwards that turned it.
+    turning: f64,
+    /// Acceleration inwards before it, and behind.
+    swinging: [f64; 2],
+}
+
+/// What the faster half of the turns at one end are, where `side` times the coordinate is largest: blows, or `None`.
+fn at_end(observations: &Observations, c: usize, side: f64, straight: f64) -> Option<Struck> {
+    let interval = observations.typical_interval();
+    let count = ((straight / interval).round() as usize).max(STRAIGHT);
+    let runs = observations.runs.iter().map(|run| {
+        let y = match observations.channels[c].wraps {
+            true => unwrapped(&run.y[c]),
+            false => run.y[c].clone(),
+        };
+        (run, y.iter().map(|y| side * y).collect::<Vec<f64>>())
+    });
+    let runs: Vec<(&ObservedRun, Vec<f64>)> = runs.collect();
+    let mut sorted: Vec<f64> = runs.iter().flat_map(|(_, z)| z).copied().collect();
+    sorted.sort_by(f64::total_cmp);
+    let few = (BEYOND * sorted.len() as f64) as usize;
+    let (low, high) = (sorted.get(few)?, sorted.iter().nth_back(few)?);
+    let margin = END * 0.5 * (high - low);
+    let mut turns: Vec<Turn> = Vec::new();
+    for (run, z) in &runs {
+        for k in count..z.len().saturating_sub(count) {
+            let is_end = (z[k] - high).abs() < margin;
+            let is_furthest = |j: usize| z[k] > z[j] || (z[k] == z[j] && k <= j);
+            if is_end && (k - NEAR..=k + NEAR).all(is_furthest) {
+                turns.extend(turn((run, c), z, k, count));
+            }
+        }
+    }
+    turns.sort_by(|a, b| b.before.total_cmp(&a.before));
+    turns.truncate(turns.len().div_ceil(2));
+    if turns.len() < FEWEST {
+        return None;
+    }
+    let middle = |of: &dyn Fn(&Turn) -> f64| median(&mut turns.iter().map(of).collect::<Vec<_>>());
+    let swinging = turns.iter().flat_map(|turn| turn.swinging);
+    let swinging = median(&mut swinging.collect::<Vec<_>>());
+    let n = count as f64;
+    let noise = observations.channels[c].noise;
+    let speed_noise = noise / (interval * (n * (n * n - 1.0) / 12.0).sqrt());
+    let speed = middle(&|turn| turn.before);
+    let sharp = middle(&|turn| turn.turning) > SHARP * swinging;
+    let sum = |of: fn(&Turn) -> f64| turns.iter().map(of).sum::<f64>();
+    (sharp && speed > FAST * speed_noise).then(|| Struck {
+        place: side * middle(&|turn| turn.place),
+        speed,
+        restitution: (sum(|t| t.after) / sum(|t| t.before)).clamp(0.0, 1.0),
+        within: interval,
+    })
+}
+
+/// The turn at sample `k` of z, by so many samples before and behind it; `None` where too few of them are valid, or the lines do not meet there.
+fn turn((run, c): (&ObservedRun, usize), z: &[f64], k: usize, count: usize) -> Option<Turn> {
+    let points = |samples: std::ops::Range<usize>| {
+        let valid = samples.filter(|&j| run.valid[c][j]);
+        valid.map(|j| (run.t[j] - run.t[k], z[j] - z[k]))
+    };
+    let (ahead, behind) = (k - count..k, k + 1..k + count + 1);
+    let line = |samples| polynomial::<2>(points(samples));
+    let (before, after) = (line(ahead.clone())?, line(behind.clone())?);
+    let bend = |samples| -> Option<f64> {
+        let x: SVector<f64, 3> = polynomial(points(samples))?;
+        Some(-2.0 * x[2])
+    };
+    let middle = |samples: std::ops::Range<usize>| {
+        let (sum, n) = points(samples).fold((0.0, 0.0), |(sum, n), (t, _)| (sum + t, n + 1.0));
+        sum / n
+    };
+    let between = middle(behind.clone()) - middle(ahead.clone());
+    let change = before[1] - after[1];
+    let at = (after[0] - before[0]) / change;
+    let meet = at > run.t[k - 1] - run.t[k] && at < run.t[k + 1] - run.t[k];
+    (before[1] > 0.0 && change > 0.0 && meet).then_some(Turn {
+        place: z[k] + before[0] + before[1] * at,
+        before: before[1],
+        after: -after[1],
+        turning: change / between,
+        swinging: [bend(ahead)?, bend(behind)?],
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bins::pseudo;
+    use crate::shooting::Channel;
+
+    const DT: f64 = 0.01;
+
+    fn observed(y: Vec<f64>, noise: f64) -> Observations {
+        Observations {
+            channels: vec![Channel {
+                coordinate: 0,
+                velocity: false,
+                wraps: false,
+                noise,
+            }],
+            runs: vec![ObservedRun {
+                t: (0..y.len()).map(|k| DT * k as f64).collect(),
+                valid: vec![vec![true; y.len()]],
+                u: vec![],
+                y: vec![y],
+            }],
+        }
+    }
+
+    /// A ball on a floor at `floor` that leaves it with e times the speed, and falls from 1 m when it is slow.
+    fn bouncing(floor: f64, e: f64, noise: f64) -> Observations {
+        const G: f64 = 9.81;
+        let (mut z, mut v, mut y) = (1.0, 0.0, Vec::new());
+        for k in 0..6000 {
+            y.push(floor + z + noise * 3.0_f64.sqrt() * pseudo(k, 0.3));
+            let (new, speed) = (z + v * DT - 0.5 * G * DT * DT, v - G * DT);
+            (z, v) = (new, speed);
+            if new < 0.0 {
+                // When it struck, how fast it is back, and where it is at the end of the interval.
+                let struck = (speed * speed + 2.0 * G * new).sqrt();
+                let left = (-speed - struck) / G;
+                let back = e * struck;
+                (z, v) = match back > 0.4 {
+                    true => (back * left - 0.5 * G * left * left, back - G * left),
+                    false => (1.0, 0.0),
+                };
+            }
+        }
+        observed(y, noise)
+    }
+
+    #[test]
+    fn the_place_and_the_restitution_of_a_floor_are_those_of_the_ball_that_bounces_on_it() {
+        for e in [0.3, 0.6, 0.9] {
+            let [floor, ceiling] = struck(&bouncing(0.25, e, 1e-3), 0, 0.08);
+            assert_eq!(ceiling, None, "at the top it turns by itself");
+            let Some(floor) = floor else {
+                panic!("{e}: no floor")
+            };
+            assert!((floor.place - 0.25).abs() < 0.01, "{e}: {floor:?}");
+            assert!((floor.restitution - e).abs() < 0.1, "{e}: {floor:?}");
+            assert!((2.0..4.5).contains(&floor.speed), "{e}: {floor:?}");
+        }
+    }
+
+    #[test]
+    fn what_swings_or_rests_is_not_struck() {
+        let swing = |noise: f64| -> Observations {
+            let q = |k: usize| (k as f64 * DT * 6.0).sin();
+            let y = (0..6000).map(|k| q(k) + noise * 3.0_f64.sqrt() * pseudo(k, 0.3));
+            observed(y.collect(), noise)
+        };
+        for noise in [1e-4, 1e-3, 1e-2] {
+            assert_eq!(struck(&swing(noise), 0, 0.08), [None; 2]);
+        }
+        let rest = (0..6000).map(|k| 1e-3 * pseudo(k, 0.3)).collect();
+        assert_eq!(struck(&observed(rest, 6e-4), 0, 0.08), [None; 2]);
+    }
+}
