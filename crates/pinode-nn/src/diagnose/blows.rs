@@ -1,8 +1,10 @@
 //! Blows that a log shows: where the motion is turned back at once near the end of its range, and how much speed it keeps.
 //!
-//! Where z, the coordinate or its negative, turns near its end at a sample, lines through the samples before and behind it have the slopes v and −v′
-//! and meet at the place of the blow, and v + v′ over the time between the middles of the two is the acceleration that turned it. What swings to and fro
-//! has the same acceleration before and behind; what is struck has not.
+//! Where z, the coordinate or its negative, turns near its end at a sample, parabolas through the samples before and behind it meet at the place of the
+//! blow with the slopes v and −v′ there. Lines through the same samples have slopes whose difference, over the time between the middles of the two, is the acceleration
+//! that turned the motion. What swings to and fro has the same acceleration before and behind; what is struck has not.
+
+use std::ops::Range;
 
 use nalgebra::SVector;
 
@@ -15,8 +17,10 @@ use crate::shooting::{Observations, ObservedRun};
 const BEYOND: f64 = 0.005;
 /// Within this part of half the range a motion is at its end.
 const END: f64 = 0.08;
-/// Samples before and behind a blow, at least, that lines go through.
-const STRAIGHT: usize = 4;
+/// Samples before and behind a blow, at least, that parabolas go through.
+const FEWEST_SAMPLES: usize = 4;
+/// Steps in which parabolas are found to meet.
+const MEETING: usize = 4;
 /// No sample so near is further out than one at which the motion turns.
 const NEAR: usize = 3;
 /// Fewer blows say nothing of an end.
@@ -26,18 +30,20 @@ const SHARP: f64 = 4.0;
 /// … and are so many standard errors fast.
 const FAST: f64 = 5.0;
 
-/// What strikes the `c`th coordinate at its lower and its upper end; what is straight between the blows is so for `straight` s.
-pub fn struck(observations: &Observations, c: usize, straight: f64) -> [Option<Struck>; 2] {
-    [-1.0, 1.0].map(|side| at_end(observations, c, side, straight))
+/// What strikes the `c`th coordinate at its lower and its upper end; between the blows its motion is a parabola for `free` s.
+pub fn struck(observations: &Observations, c: usize, free: f64) -> [Option<Struck>; 2] {
+    [-1.0, 1.0].map(|side| at_end(observations, c, side, free))
 }
 
 /// One turn at an end.
 struct Turn {
-    /// Where the lines meet.
+    /// Where the parabolas meet.
     place: f64,
     /// Speed outwards before it, and inwards behind it.
     before: f64,
     after: f64,
+    /// Speed outwards in the middle of the samples before it.
+    coming: f64,
     /// Acceleration inwards that turned it.
     turning: f64,
     /// Acceleration inwards before it, and behind.
@@ -45,9 +51,9 @@ struct Turn {
 }
 
 /// What the faster half of the turns at one end are, where `side` times the coordinate is largest: blows, or `None`.
-fn at_end(observations: &Observations, c: usize, side: f64, straight: f64) -> Option<Struck> {
+fn at_end(observations: &Observations, c: usize, side: f64, free: f64) -> Option<Struck> {
     let interval = observations.typical_interval();
-    let count = ((straight / interval).round() as usize).max(STRAIGHT);
+    let count = ((free / interval).round() as usize).max(FEWEST_SAMPLES);
     let runs = observations.runs.iter().map(|run| {
         let y = match observations.channels[c].wraps {
             true => unwrapped(&run.y[c]),
@@ -71,7 +77,7 @@ fn at_end(observations: &Observations, c: usize, side: f64, straight: f64) -> Op
             }
         }
     }
-    turns.sort_by(|a, b| b.before.total_cmp(&a.before));
+    turns.sort_by(|a, b| b.coming.total_cmp(&a.coming));
     turns.truncate(turns.len().div_ceil(2));
     if turns.len() < FEWEST {
         return None;
@@ -82,44 +88,51 @@ fn at_end(observations: &Observations, c: usize, side: f64, straight: f64) -> Op
     let n = count as f64;
     let noise = observations.channels[c].noise;
     let speed_noise = noise / (interval * (n * (n * n - 1.0) / 12.0).sqrt());
-    let speed = middle(&|turn| turn.before);
+    let fast = middle(&|turn| turn.coming) > FAST * speed_noise;
     let sharp = middle(&|turn| turn.turning) > SHARP * swinging;
     let sum = |of: fn(&Turn) -> f64| turns.iter().map(of).sum::<f64>();
-    (sharp && speed > FAST * speed_noise).then(|| Struck {
+    (sharp && fast).then(|| Struck {
         place: side * middle(&|turn| turn.place),
-        speed,
+        speed: middle(&|turn| turn.before),
         restitution: (sum(|t| t.after) / sum(|t| t.before)).clamp(0.0, 1.0),
         within: interval,
     })
 }
 
-/// The turn at sample `k` of z, by so many samples before and behind it; `None` where too few of them are valid, or the lines do not meet there.
+/// The turn at sample `k` of z, by so many samples before and behind it; `None` where too few of them are valid.
 fn turn((run, c): (&ObservedRun, usize), z: &[f64], k: usize, count: usize) -> Option<Turn> {
-    let points = |samples: std::ops::Range<usize>| {
-        let valid = samples.filter(|&j| run.valid[c][j]);
+    let points = |samples: &Range<usize>| {
+        let valid = samples.clone().filter(|&j| run.valid[c][j]);
         valid.map(|j| (run.t[j] - run.t[k], z[j] - z[k]))
     };
-    let (ahead, behind) = (k - count..k, k + 1..k + count + 1);
+    let sides = [k - count..k, k + 1..k + count + 1];
     let line = |samples| polynomial::<2>(points(samples));
-    let (before, after) = (line(ahead.clone())?, line(behind.clone())?);
-    let bend = |samples| -> Option<f64> {
-        let x: SVector<f64, 3> = polynomial(points(samples))?;
-        Some(-2.0 * x[2])
-    };
-    let middle = |samples: std::ops::Range<usize>| {
+    let bend = |samples| polynomial::<3>(points(samples));
+    let middle = |samples| {
         let (sum, n) = points(samples).fold((0.0, 0.0), |(sum, n), (t, _)| (sum + t, n + 1.0));
         sum / n
     };
-    let between = middle(behind.clone()) - middle(ahead.clone());
-    let change = before[1] - after[1];
-    let at = (after[0] - before[0]) / change;
-    let meet = at > run.t[k - 1] - run.t[k] && at < run.t[k + 1] - run.t[k];
-    (before[1] > 0.0 && change > 0.0 && meet).then_some(Turn {
-        place: z[k] + before[0] + before[1] * at,
-        before: before[1],
-        after: -after[1],
+    let coming = line(&sides[0])?[1];
+    let change = coming - line(&sides[1])?[1];
+    let between = middle(&sides[1]) - middle(&sides[0]);
+    let (before, behind) = (bend(&sides[0])?, bend(&sides[1])?);
+    let slope = |x: &SVector<f64, 3>, t: f64| x[1] + 2.0 * x[2] * t;
+    let apart = behind - before;
+    let (from, to) = (run.t[k - 1] - run.t[k], run.t[k + 1] - run.t[k]);
+    // Newton's method for where the parabolas meet, from the sample in the middle.
+    let mut at = 0.0;
+    for _ in 0..MEETING {
+        let step = (apart[0] + at * (apart[1] + at * apart[2])) / slope(&apart, at);
+        at = f64::clamp(at - step, from, to);
+    }
+    let speeds = (slope(&before, at), -slope(&behind, at));
+    (speeds.0 > 0.0 && speeds.0 + speeds.1 > 0.0).then_some(Turn {
+        place: z[k] + before[0] + at * (before[1] + at * before[2]),
+        before: speeds.0,
+        after: speeds.1,
+        coming,
         turning: change / between,
-        swinging: [bend(ahead)?, bend(behind)?],
+        swinging: [-2.0 * before[2], -2.0 * behind[2]],
     })
 }
 

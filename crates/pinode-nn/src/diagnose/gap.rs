@@ -18,15 +18,14 @@ pub fn free_runs(
     study: &Study,
     (before, before_theta): (&Hybrid, &[f64]),
     (after, after_theta): (&Hybrid, &[f64]),
-    first_guess: &dyn Fn(usize, usize) -> Vec<f64>,
     (lead, horizon, shorter): (f64, f64, bool),
     masked: &Masked,
 ) -> Vec<FreeRun> {
     let observations = &study.observations;
     let cut = held_out_windows(study, lead + horizon, shorter);
     let windows = masked.leave(cut, observations);
-    let runs_before = rolled(study, before, before_theta, &windows, first_guess, lead);
-    let runs_after = rolled(study, after, after_theta, &windows, first_guess, lead);
+    let runs_before = rolled(study, before, before_theta, &windows, lead);
+    let runs_after = rolled(study, after, after_theta, &windows, lead);
 
     let nv = before.nv();
     let mut curves = Vec::new();
@@ -196,7 +195,6 @@ fn rolled(
     hybrid: &Hybrid,
     theta: &[f64],
     windows: &[Window],
-    first_guess: &dyn Fn(usize, usize) -> Vec<f64>,
     lead: f64,
 ) -> Vec<Option<Vec<f64>>> {
     let observations = &study.observations;
@@ -210,12 +208,9 @@ fn rolled(
     let substeps = study.substeps_for(hybrid, theta);
     let paths = study.hidden_paths(hybrid, theta, substeps);
     let hidden = study.hidden_prior(hybrid, (theta, true), &leads, &paths);
-    let guess = |(w, h): (&Window, &Vec<f64>)| {
-        let mut state = [first_guess(w.run, w.first), h.clone()].concat();
-        hybrid.keep_before_stops(theta, &mut state);
-        state
-    };
-    let guesses = leads.iter().zip(&hidden.means).map(guess).collect();
+    let measured = study.starts(hybrid, theta, &leads, None);
+    let guess = |(state, h): (&Vec<f64>, &Vec<f64>)| [&state[..], h].concat();
+    let guesses = measured.iter().zip(&hidden.means).map(guess).collect();
     let noise = observations.channels.iter().map(|c| c.noise).collect();
     let fitted = fit(
         hybrid,

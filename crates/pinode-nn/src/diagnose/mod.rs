@@ -42,6 +42,7 @@ mod setup;
 mod shapes;
 pub mod sketch;
 pub(crate) mod smooth;
+mod starts;
 mod step;
 mod stops;
 mod study;
@@ -180,15 +181,7 @@ pub(crate) fn diagnose_into(
         ..
     } = cleaned;
     let splits = experiment::splits(&prepared.study, &search, &names, report);
-    let (mut study, mut coarse) = (prepared.study.clone(), None);
-    // Who says how sharp friction is, is taken at his word.
-    if model.effects.iter().all(|e| e.smoothing.is_none()) {
-        report("asking whether friction that sticks would do the same");
-        if let Some((finer, sharp)) = numerics::sharpened(&study, &search) {
-            let model = search.refitted(&finer, sharp);
-            coarse = Some((std::mem::replace(&mut study, finer), model));
-        }
-    }
+    let (study, coarse) = numerics::finer(model, &prepared.study, &mut search, report);
 
     report("writing the new model and running it free over unseen data");
     let mut provenance = provenance(model, (logs, held_out), seed, &prepared, &study);

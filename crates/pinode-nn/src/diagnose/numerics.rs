@@ -1,8 +1,9 @@
 //! What the final model owes to its numerics.
 
-use super::refine::is_sensible;
 use super::search::Search;
-use super::study::{Comparison, Fitted, MOST_SUBSTEPS, Study};
+use super::stops::hardened;
+use super::study::{Fitted, MOST_SUBSTEPS, Study};
+use crate::model::Model;
 use crate::shooting::{Member, Window, roll_all};
 use crate::smoothing::{SmoothingError, VISIBLE, compare};
 
@@ -47,11 +48,43 @@ pub fn set_valued(study: &Study, fitted: &Fitted) -> Option<SmoothingError> {
     compare(hybrid, theta, &inputs, &windows, &noise).ok()
 }
 
+/// What was found for `model`, with its stops as hard and its dry friction as sharp as the data see them where that explains them better: in the study
+/// with the steps that this takes; and the last study and fit before that.
+pub fn finer(
+    model: &Model,
+    study: &Study,
+    search: &mut Search,
+    report: &dyn Fn(&str),
+) -> (Study, Option<(Study, Fitted)>) {
+    let (mut study, mut before) = (study.clone(), None);
+    let has_stops = search
+        .found
+        .iter()
+        .any(|f| f.candidate.kind.stop().is_some());
+    // Who says how sharp friction is, is taken at his word.
+    let may_sharpen = model.effects.iter().all(|e| e.smoothing.is_none());
+    let questions: [(bool, &str, fn(&Study, &Search) -> Option<(Study, Fitted)>); 2] = [
+        (has_stops, "harder stops", hardened),
+        (may_sharpen, "friction that sticks", sharpened),
+    ];
+    for (is_asked, what, refined) in questions {
+        if !is_asked {
+            continue;
+        }
+        report(&format!("asking whether {what} would do the same"));
+        if let Some((finer, fitted)) = refined(&study, search) {
+            let fitted = search.refitted(&finer, fitted);
+            before = Some((std::mem::replace(&mut study, finer), fitted));
+        }
+    }
+    (study, before)
+}
+
 /// The model that was found with its dry friction as sharp as the data see it, and the study with the steps that this takes: where sticking would move a
 /// coordinate by more than [`VISIBLE`] from where the smoothed friction has it, the forces at low speed come out wrong for it. `None` where it would
 /// not, where that was found beside pushes, where friction would become too fast for explicit steps first, and where the sharper model explains the windows no better or is no longer
 /// what was found.
-pub fn sharpened(study: &Study, search: &Search) -> Option<(Study, Fitted)> {
+fn sharpened(study: &Study, search: &Search) -> Option<(Study, Fitted)> {
     let fitted = &search.model;
     // Without the pushes that they were found beside, the constants would take these for their own.
     if search.pushed {
@@ -83,11 +116,7 @@ pub fn sharpened(study: &Study, search: &Search) -> Option<(Study, Fitted)> {
         study.finer *= 2;
         sharp = fit(&study, &sharp);
     }
-    let gain = Comparison::of(&sharp, fitted);
-    let better = gain.total() > 0.0 && gain.outside.z > -2.0;
-    let mut found = search.found.iter();
-    let stays = found.all(|found| is_sensible(&study, &found.candidate, &sharp));
-    (better && stays).then_some((study, sharp))
+    search.improves(&study, &sharp).then_some((study, sharp))
 }
 
 /// Whether shorter steps would move the roll-outs by more than [`STEP_ERROR`], and may be taken.

@@ -53,10 +53,9 @@ impl Proof<'_> {
         shorter: bool,
     ) -> Vec<FreeRun> {
         let (old, new) = ((old, &old.theta()[..]), (new, &new.theta()[..]));
-        let first_guess = |run: usize, k: usize| self.prepared.smoothed[run].state(k);
         let lead = LEAD_S.min(0.5 * self.prepared.window);
         let spans = (lead, horizon, shorter);
-        gap::free_runs(study, old, new, &first_guess, spans, self.masked)
+        gap::free_runs(study, old, new, spans, self.masked)
     }
 
     /// Writes the model with what was found, reads it back and runs it free: what is measured is what was written.

@@ -6,8 +6,8 @@ use crate::effect::Scales;
 use crate::hybrid::Hybrid;
 use crate::shooting::Observations;
 
-/// What is straight enough for a line is so many times shorter than what is smooth enough for a cubic on either side of its middle.
-const STRAIGHT: f64 = 4.0 / 3.0;
+/// What is smooth enough for a parabola, over what is enough for a cubic on either side of its middle.
+const FREE: f64 = 5.0 / 3.0;
 
 /// The scales of the motion, one a coordinate, smoothed over `half_width` s.
 pub fn scales(
@@ -64,7 +64,7 @@ pub fn scales(
                     .channels
                     .get(c)
                     .map_or(f64::INFINITY, |own| own.noise),
-                struck: struck(observations, c, STRAIGHT * half_width),
+                struck: struck(observations, c, FREE * half_width),
             }
         })
         .collect()

@@ -6,7 +6,7 @@ use super::candidate::Candidate;
 use super::found::{Found, prune, revisit};
 use super::misfit::explained;
 use super::pushes::{stripped, with_pushes};
-use super::refine::{Contender, rank};
+use super::refine::{Contender, is_sensible, rank};
 use super::remainder::Remainder;
 use super::screen;
 use super::step::{LEAST_T2, Report, Step, Turn, accept, is_second_choice, one_step, refine_dear};
@@ -47,6 +47,14 @@ impl Search {
         for step in &mut self.steps {
             step.accepted = None;
         }
+    }
+
+    /// Whether another fit of the model with what was found explains the windows better, and what was found is in it what it is called.
+    pub fn improves(&self, study: &Study, model: &Fitted) -> bool {
+        let gain = Comparison::of(model, &self.model);
+        let better = gain.total() > 0.0 && gain.outside.z > -2.0;
+        let mut found = self.found.iter();
+        better && found.all(|found| is_sensible(study, &found.candidate, model))
     }
 
     /// Takes another fit of the model with what was found, in place of the one that it returns.

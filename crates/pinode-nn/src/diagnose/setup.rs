@@ -121,7 +121,7 @@ pub fn prepare(
         windows,
     };
     let theta = hybrid.theta();
-    let measured = |windows: &[Window]| study.measured(&hybrid, &theta, windows);
+    let measured = |windows: &[Window]| study.starts(&hybrid, &theta, windows, None);
     let start = Start {
         hidden: Vec::new(),
         inside: measured(&study.windows.fit),

@@ -6,12 +6,19 @@
 use rayon::prelude::*;
 
 use super::candidate::Candidate;
+use super::found::position;
 use super::refine::best;
-use super::study::{Fitted, Start, Study};
+use super::search::Search;
+use super::study::{Fitted, MOST_SUBSTEPS, RESOLVED_BLOWS, Start, Study};
 use crate::hybrid::Hybrid;
 
 /// Iterations by which starts are compared, of the initial states and of all: soft stops do better than hard ones at first.
 const COMPARING: (usize, usize) = (6, 16);
+/// Stops are fitted once more with steps so many times shorter, and with these iterations.
+const HARDER: usize = 4;
+const ITERATIONS: usize = 16;
+/// Less than this is gained by no fit.
+const WORTH_A_FIT: f64 = 1.25;
 
 /// The model with the stop `candidate`, fitted from the best of its `starts`; `None` without one.
 pub fn fit_struck(
@@ -37,16 +44,69 @@ pub fn fit_struck(
 
 /// A start of `hybrid` at θ from the measured states (q, v).
 fn measured(study: &Study, current: &Fitted, hybrid: &Hybrid, theta: Vec<f64>) -> Start {
-    let put = |states: &mut [Vec<f64>], windows| {
-        for (state, measured) in states
-            .iter_mut()
-            .zip(study.measured(hybrid, &theta, windows))
-        {
-            state[..measured.len()].copy_from_slice(&measured);
-        }
-    };
-    let mut start = current.start(theta.clone());
-    put(&mut start.inside, &study.windows.fit);
-    put(&mut start.outside, &study.windows.held_out);
+    let mut start = current.start(theta);
+    begin(study, hybrid, &mut start, false);
     start
+}
+
+/// Puts the states (q, v) from which `hybrid` explains the windows of `study` in the place of those of `start`: of the measured ones, and of those that are there
+/// if they are `known` to be good.
+fn begin(study: &Study, hybrid: &Hybrid, start: &mut Start, known: bool) {
+    let windows = [&study.windows.fit, &study.windows.held_out];
+    for (states, windows) in [&mut start.inside, &mut start.outside]
+        .into_iter()
+        .zip(windows)
+    {
+        let known = known.then_some(&states[..]);
+        let best = study.starts(hybrid, &start.theta, windows, known);
+        for (state, best) in states.iter_mut().zip(best) {
+            state[..best.len()].copy_from_slice(&best);
+        }
+    }
+}
+
+/// The model that was found with its stops harder, and the study with the shorter steps that this takes: what is softer than the stop was strikes too
+/// early, by a way that is right for one speed. `None` where no stop was found that the log shows, where that was beside pushes, where no shorter steps may be
+/// taken, and where harder ones explain the windows no better.
+pub fn hardened(study: &Study, search: &Search) -> Option<(Study, Fitted)> {
+    let fitted = &search.model;
+    let mut finer = study.clone();
+    let mut steps = fitted.substeps;
+    while finer.finer < HARDER * study.finer && 2 * steps <= MOST_SUBSTEPS {
+        finer.finer *= 2;
+        steps *= 2;
+    }
+    if search.pushed {
+        return None;
+    }
+    let mut theta = fitted.inside.theta.clone();
+    let mut is_there = false;
+    for found in &search.found {
+        let candidate = found.candidate;
+        let scales = candidate.scales(&fitted.hybrid, &study.scales);
+        let index = position(fitted, &candidate);
+        let Some((stop, index)) = candidate.kind.stop().zip(index) else {
+            continue;
+        };
+        if scales.struck == [None; 2] {
+            continue;
+        }
+        let p = &mut theta[fitted.hybrid.range(index)];
+        // As hard as the steps resolve.
+        let rate = RESOLVED_BLOWS * steps as f64 / study.interval;
+        let factor = (rate / stop.rate(scales.mass, p)).min(HARDER as f64);
+        if factor > WORTH_A_FIT {
+            let harder = stop.harder(&scales, p, factor);
+            p.copy_from_slice(&harder);
+            is_there = true;
+        }
+    }
+    if !is_there {
+        return None;
+    }
+    let hybrid = &fitted.hybrid;
+    let mut start = fitted.start(theta);
+    begin(&finer, hybrid, &mut start, true);
+    let hard = finer.fit(hybrid.clone(), start, 2, ITERATIONS);
+    search.improves(&finer, &hard).then_some((finer, hard))
 }

@@ -16,7 +16,7 @@ pub const MOST_SUBSTEPS: usize = 64;
 /// Longest integration step for effects with a memory, in units of their fastest rate, and for stops, in units of that of their blows: these have
 /// to give back what they do however they lie to the steps.
 const RESOLVED: f64 = 1.5;
-const RESOLVED_BLOWS: f64 = 0.5;
+pub const RESOLVED_BLOWS: f64 = 0.5;
 /// So many times a fit with hidden states goes on along their new path, while that moves a constant by more than [`STILL`] of what the data would
 /// determine it to if all others were known.
 const FURTHER_PATHS: usize = 2;
@@ -248,16 +248,6 @@ impl Study {
         fitted.inside.states = some(&fitted.inside.states, share);
         fitted.outside.states.clear();
         (study, fitted)
-    }
-
-    /// States (q, v) at the start of windows, as measured, for a model at θ: none of them in a stop.
-    pub fn measured(&self, hybrid: &Hybrid, theta: &[f64], windows: &[Window]) -> Vec<Vec<f64>> {
-        let state = |w: &Window| {
-            let mut state = self.smoothed[w.run].state(w.first);
-            hybrid.keep_before_stops(theta, &mut state);
-            state
-        };
-        windows.iter().map(state).collect()
     }
 
     /// Where each recording takes the hidden states of a model.

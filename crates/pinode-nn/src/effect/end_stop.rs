@@ -87,6 +87,20 @@ impl RigidStop for EndStop {
         }
     }
 
+    fn harder(&self, scales: &Scales, p: &[f64], factor: f64) -> Vec<f64> {
+        let e = self.restitution(scales.mass, p);
+        let shorter = std::f64::consts::PI / self.rate(scales.mass, p) * (1.0 - 1.0 / factor);
+        let [below, above] = scales
+            .struck
+            .map(|end| end.map_or(0.0, |end| ahead(&end, e, shorter)));
+        vec![
+            p[0] - below,
+            p[1] + above,
+            factor * factor * p[2],
+            factor * p[3],
+        ]
+    }
+
     fn struck(&self, scales: &Scales) -> Vec<Vec<f64>> {
         let ends = || scales.struck.iter().flatten();
         let count = ends().count();
@@ -97,11 +111,7 @@ impl RigidStop for EndStop {
         let starts = LASTING.map(|factor| {
             let lasting = |end: &Struck| (factor * end.within).min(0.9 * LONGEST_BLOW);
             let rate = std::f64::consts::PI / ends().map(lasting).fold(0.0, f64::max);
-            // A blow of no time at the place does what one does that begins before it and takes its time.
-            let place = |end: &Struck| {
-                let e = end.restitution;
-                (end.place, e / (1.0 + e) * end.speed * lasting(end))
-            };
+            let place = |end: &Struck| (end.place, ahead(end, end.restitution, lasting(end)));
             let [lower, upper] = scales.struck.map(|end| end.as_ref().map(place));
             vec![
                 lower.map_or(f64::NEG_INFINITY, |(place, before)| place + before),
@@ -112,6 +122,11 @@ impl RigidStop for EndStop {
         });
         starts.to_vec()
     }
+}
+
+/// How far before the place of a blow that takes no time one has to begin that lasts so long, so that both send the body back alike.
+fn ahead(end: &Struck, e: f64, lasting: f64) -> f64 {
+    e / (1.0 + e) * end.speed * lasting
 }
 
 /// e of a blow that is damped by ζ.
@@ -295,6 +310,14 @@ mod tests {
         }
         assert!(both.iter().all(|p| (-0.1..-0.07).contains(&p[0])));
         assert!(one.iter().all(|p| p[0] == f64::NEG_INFINITY));
+        // Harder still it is the same stop, nearer to its place.
+        let harder = EndStop.harder(&scales([None, Some(end(0.3))]), &one[0], 4.0);
+        assert!((EndStop.restitution(0.5, &harder) - 0.6).abs() < 1e-3);
+        assert!((0.3 - harder[1] - 0.25 * (0.3 - one[0][1])).abs() < 1e-4);
+        assert_eq!(
+            (harder[0], harder[2]),
+            (f64::NEG_INFINITY, 16.0 * one[0][2])
+        );
         // From the place of the harder one a body of 0.8 m/s is back with 0.48 m/s when it would be from the rigid one.
         let p = &one[0];
         let (strikes, lasts) = ((0.3 - p[1]) / 0.8, (0.3 - p[1]) / 0.48);

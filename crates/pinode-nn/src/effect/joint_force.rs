@@ -57,6 +57,9 @@ pub trait RigidStop: Send + Sync {
     /// Rate of the swing that half a blow is of, for that mass, 1/s; 0 where there is no stop.
     fn rate(&self, mass: f64, p: &[f64]) -> f64;
 
+    /// Parameters with which blows are so many times shorter, to what a log's motion shows of them as nearly the same as can be.
+    fn harder(&self, scales: &Scales, p: &[f64], factor: f64) -> Vec<f64>;
+
     /// Parameters of stops that would deal the blows by which a log's motion is turned back; none where it has none.
     fn struck(&self, scales: &Scales) -> Vec<Vec<f64>>;
 }

@@ -169,15 +169,20 @@ impl Hybrid {
         }
     }
 
+    /// Where stops are at θ: below and above a coordinate.
+    pub fn stops(&self, theta: &[f64]) -> impl Iterator<Item = (usize, [Option<f64>; 2])> {
+        let effects = self.effects.iter().enumerate();
+        effects.filter_map(move |(index, effect)| {
+            let stop = effect.kind.stop()?;
+            Some((effect.target, stop.places(&theta[self.range(index)])))
+        })
+    }
+
     /// Moves the coordinates of a state (q, v, …) that are in a stop to where it begins. A state that was measured is in it by no more than an error,
     /// but a hard spring would throw it out.
     pub fn keep_before_stops(&self, theta: &[f64], state: &mut [f64]) {
-        for (index, effect) in self.effects.iter().enumerate() {
-            let Some(stop) = effect.kind.stop() else {
-                continue;
-            };
-            let [lower, upper] = stop.places(&theta[self.range(index)]);
-            let q = &mut state[effect.target];
+        for (c, [lower, upper]) in self.stops(theta) {
+            let q = &mut state[c];
             *q = q.max(lower.unwrap_or(*q)).min(upper.unwrap_or(*q));
         }
     }

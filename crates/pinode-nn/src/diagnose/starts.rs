@@ -1,0 +1,140 @@
+//! States at the start of windows, as measured.
+//!
+//! Smoothing knows no blows. Where one is near the start of a window the smoothed velocity is neither that before it nor that behind it, and from the wrong
+//! side of a blow no small steps lead to the right one. A model with stops starts at what its roll-outs explain best: what is smooth on both sides, ahead or
+//! behind.
+
+use super::smooth::polynomial;
+use super::study::Study;
+use crate::hybrid::Hybrid;
+use crate::shooting::{Channel, FitOptions, Window, fit, wrap_angle};
+
+/// A blow so long before or behind the start of a window, s, is in what is smoothed there.
+const NEAR_S: f64 = 0.1;
+/// Iterations after which guesses are compared.
+const COMPARING: usize = 4;
+/// Samples ahead or behind, with the one at the start.
+const ONE_SIDE: usize = 5;
+
+impl Study {
+    /// States (q, v) at the start of windows for a model at θ, none of them in a stop: those `known`, which may have more to them, or else the measured ones; where
+    /// a blow may be near, those of all these that explain their window best.
+    pub fn starts(
+        &self,
+        hybrid: &Hybrid,
+        theta: &[f64],
+        windows: &[Window],
+        known: Option<&[Vec<f64>]>,
+    ) -> Vec<Vec<f64>> {
+        let visible = hybrid.nx() - hybrid.nh();
+        let smoothed = |w: &Window| self.smoothed[w.run].state(w.first);
+        let smoothed: Vec<Vec<f64>> = windows.iter().map(smoothed).collect();
+        let mut states = match known {
+            Some(known) => known.iter().map(|x| x[..visible].to_vec()).collect(),
+            None => smoothed.clone(),
+        };
+        let is_near = |&i: &usize| self.is_near_a_stop(hybrid, theta, &smoothed[i]);
+        let near: Vec<usize> = (0..windows.len()).filter(is_near).collect();
+        let guess = |&i: &usize| {
+            let one_sided = [true, false].map(|ahead| {
+                let guess = self.one_sided(&windows[i], ahead, &smoothed[i]);
+                guess.unwrap_or_else(|| smoothed[i].clone())
+            });
+            let [ahead, behind] = one_sided;
+            [states[i].clone(), smoothed[i].clone(), ahead, behind]
+        };
+        let guesses: Vec<_> = near.iter().map(guess).collect();
+        let near_windows: Vec<Window> = near.iter().map(|&i| windows[i]).collect();
+        let best = self.explaining(hybrid, theta, &near_windows, &guesses);
+        for (&i, best) in near.iter().zip(best) {
+            states[i] = best[..visible].to_vec();
+        }
+        for state in &mut states {
+            hybrid.keep_before_stops(theta, state);
+        }
+        states
+    }
+
+    /// Whether a coordinate may be or have been at its stop within [`NEAR_S`] of a state (q, v).
+    fn is_near_a_stop(&self, hybrid: &Hybrid, theta: &[f64], state: &[f64]) -> bool {
+        let mut places = hybrid.stops(theta);
+        places.any(|(c, places)| {
+            let near = |place: f64| (state[c] - place).abs() < NEAR_S * self.scales[c].speed;
+            places.into_iter().flatten().any(near)
+        })
+    }
+
+    /// Of some guesses of the state (q, v) at the start of each window that from which a model at θ explains it best, fitted a little, with the hidden states.
+    fn explaining<const N: usize>(
+        &self,
+        hybrid: &Hybrid,
+        theta: &[f64],
+        windows: &[Window],
+        guesses: &[[Vec<f64>; N]],
+    ) -> Vec<Vec<f64>> {
+        if windows.is_empty() {
+            return Vec::new();
+        }
+        let substeps = self.substeps_for(hybrid, theta);
+        let paths = self.hidden_paths(hybrid, theta, substeps);
+        let hidden = self.hidden_prior(hybrid, (theta, true), windows, &paths);
+        let channels = &self.observations.channels;
+        let options = FitOptions {
+            substeps,
+            iterations: 0,
+            state_iterations: COMPARING,
+        };
+        let mut best: Vec<(f64, Vec<f64>)> = vec![(f64::INFINITY, Vec::new()); windows.len()];
+        for k in 0..N {
+            let whole = |(guesses, h): (&[Vec<f64>; N], &Vec<f64>)| {
+                let mut state = [&guesses[k][..], h].concat();
+                hybrid.keep_before_stops(theta, &mut state);
+                state
+            };
+            let fitted = fit(
+                hybrid,
+                &self.observations,
+                windows,
+                &[],
+                theta.to_vec(),
+                guesses.iter().zip(&hidden.means).map(whole).collect(),
+                channels.iter().map(|c| c.noise).collect(),
+                &hidden,
+                &options,
+            );
+            let found = fitted.squares.iter().zip(fitted.states);
+            for ((squares, state), best) in found.zip(&mut best) {
+                let of_channel =
+                    |((sum, _), channel): (&(f64, usize), &Channel)| sum / channel.noise.powi(2);
+                let misfit: f64 = squares.iter().zip(channels).map(of_channel).sum();
+                if best.1.is_empty() || misfit < best.0 {
+                    *best = (misfit, state);
+                }
+            }
+        }
+        best.into_iter().map(|(_, state)| state).collect()
+    }
+
+    /// The state (q, v) at the start of a window by parabolas through the samples on one side, angles near those of `smoothed`.
+    fn one_sided(&self, window: &Window, ahead: bool, smoothed: &[f64]) -> Option<Vec<f64>> {
+        let (run, k) = (&self.observations.runs[window.run], window.first);
+        let samples = match ahead {
+            true => k..(k + ONE_SIDE).min(run.t.len()),
+            false => (k + 1).saturating_sub(ONE_SIDE)..k + 1,
+        };
+        let n = smoothed.len() / 2;
+        let mut state = smoothed.to_vec();
+        for c in 0..n {
+            let wraps = self.observations.channels[c].wraps;
+            let near = |j: usize| match wraps {
+                true => wrap_angle(run.y[c][j] - smoothed[c]),
+                false => run.y[c][j] - smoothed[c],
+            };
+            let valid = samples.clone().filter(|&j| run.valid[c][j]);
+            let x = polynomial::<3>(valid.map(|j| (run.t[j] - run.t[k], near(j))))?;
+            state[c] += x[0];
+            state[n + c] = x[1];
+        }
+        Some(state)
+    }
+}
