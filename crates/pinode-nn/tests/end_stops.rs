@@ -370,10 +370,10 @@ fn a_stop_that_a_log_strikes_is_named_with_its_place_and_restitution() {
     assert_eq!(found.verdict, Verdict::EffectsFound);
     let value = |name: &str| stop.parameters[name].value;
     let [upper, k, c] = ["upper", "stiffness", "damping"].map(value);
-    assert!((upper - 0.1).abs() < 0.004, "{upper}");
+    assert!((upper - 0.1).abs() < 0.001, "{upper}");
     assert!((restitution(k, c) - E).abs() < 0.1, "{}", restitution(k, c));
     assert!(
-        found.gap.after < 0.15 * found.gap.before,
+        found.gap.after < 0.05 * found.gap.before,
         "{} of {}",
         found.gap.after,
         found.gap.before

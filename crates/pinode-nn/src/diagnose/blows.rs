@@ -25,14 +25,19 @@ const MEETING: usize = 4;
 const NEAR: usize = 3;
 /// Fewer blows say nothing of an end.
 const FEWEST: usize = 5;
-/// Blows turn a motion by so many times the acceleration inwards before and behind them …
-const SHARP: f64 = 4.0;
+/// Blows turn a motion by so many times the acceleration inwards before and behind them, those at the end opposite to one that is struck by so many …
+const SHARP: (f64, f64) = (3.0, 1.5);
 /// … and are so many standard errors fast.
 const FAST: f64 = 5.0;
 
 /// What strikes the `c`th coordinate at its lower and its upper end; between the blows its motion is a parabola for `free` s.
 pub fn struck(observations: &Observations, c: usize, free: f64) -> [Option<Struck>; 2] {
-    [-1.0, 1.0].map(|side| at_end(observations, c, side, free))
+    let ends = [-1.0, 1.0].map(|side| at_end(observations, c, side, free));
+    let enough = match ends.iter().flatten().any(|end| end.1 > SHARP.0) {
+        true => SHARP.1,
+        false => SHARP.0,
+    };
+    ends.map(|end| end.filter(|end| end.1 > enough).map(|end| end.0))
 }
 
 /// One turn at an end.
@@ -50,8 +55,9 @@ struct Turn {
     swinging: [f64; 2],
 }
 
-/// What the faster half of the turns at one end are, where `side` times the coordinate is largest: blows, or `None`.
-fn at_end(observations: &Observations, c: usize, side: f64, free: f64) -> Option<Struck> {
+/// What the faster half of the turns at one end are as blows, where `side` times the coordinate is largest, and by how many times the acceleration around them they
+/// turn the motion; `None` where there are too few, or too slow ones.
+fn at_end(observations: &Observations, c: usize, side: f64, free: f64) -> Option<(Struck, f64)> {
     let interval = observations.typical_interval();
     let count = ((free / interval).round() as usize).max(FEWEST_SAMPLES);
     let runs = observations.runs.iter().map(|run| {
@@ -89,14 +95,19 @@ fn at_end(observations: &Observations, c: usize, side: f64, free: f64) -> Option
     let noise = observations.channels[c].noise;
     let speed_noise = noise / (interval * (n * (n * n - 1.0) / 12.0).sqrt());
     let fast = middle(&|turn| turn.coming) > FAST * speed_noise;
-    let sharp = middle(&|turn| turn.turning) > SHARP * swinging;
+    let turning = middle(&|turn| turn.turning);
+    let sharpness = match swinging > 0.0 {
+        true => turning / swinging,
+        false => f64::INFINITY,
+    };
     let sum = |of: fn(&Turn) -> f64| turns.iter().map(of).sum::<f64>();
-    (sharp && fast).then(|| Struck {
+    let struck = Struck {
         place: side * middle(&|turn| turn.place),
         speed: middle(&|turn| turn.before),
         restitution: (sum(|t| t.after) / sum(|t| t.before)).clamp(0.0, 1.0),
         within: interval,
-    })
+    };
+    fast.then_some((struck, sharpness))
 }
 
 /// The turn at sample `k` of z, by so many samples before and behind it; `None` where too few of them are valid.
@@ -161,7 +172,7 @@ mod tests {
         }
     }
 
-    /// A ball on a floor at `floor` that leaves it with e times the speed, and falls from 1 m when it is slow.
+    /// A ball on a floor at `floor` that leaves it with e times the speed, and is thrown up to 1 m when that is slow.
     fn bouncing(floor: f64, e: f64, noise: f64) -> Observations {
         const G: f64 = 9.81;
         let (mut z, mut v, mut y) = (1.0, 0.0, Vec::new());
@@ -174,10 +185,8 @@ mod tests {
                 let struck = (speed * speed + 2.0 * G * new).sqrt();
                 let left = (-speed - struck) / G;
                 let back = e * struck;
-                (z, v) = match back > 0.4 {
-                    true => (back * left - 0.5 * G * left * left, back - G * left),
-                    false => (1.0, 0.0),
-                };
+                let up = if back > 0.4 { back } else { (2.0 * G).sqrt() };
+                (z, v) = (up * left - 0.5 * G * left * left, up - G * left);
             }
         }
         observed(y, noise)

@@ -48,6 +48,9 @@ pub fn set_valued(study: &Study, fitted: &Fitted) -> Option<SmoothingError> {
     compare(hybrid, theta, &inputs, &windows, &noise).ok()
 }
 
+/// A study with shorter steps and what was found as a fit in it has it, where that is better.
+type Refined = Option<(Study, Fitted)>;
+
 /// What was found for `model`, with its stops as hard and its dry friction as sharp as the data see them where that explains them better: in the study
 /// with the steps that this takes; and the last study and fit before that.
 pub fn finer(
@@ -55,7 +58,7 @@ pub fn finer(
     study: &Study,
     search: &mut Search,
     report: &dyn Fn(&str),
-) -> (Study, Option<(Study, Fitted)>) {
+) -> (Study, Refined) {
     let (mut study, mut before) = (study.clone(), None);
     let has_stops = search
         .found
@@ -63,19 +66,18 @@ pub fn finer(
         .any(|f| f.candidate.kind.stop().is_some());
     // Who says how sharp friction is, is taken at his word.
     let may_sharpen = model.effects.iter().all(|e| e.smoothing.is_none());
-    let questions: [(bool, &str, fn(&Study, &Search) -> Option<(Study, Fitted)>); 2] = [
-        (has_stops, "harder stops", hardened),
-        (may_sharpen, "friction that sticks", sharpened),
-    ];
-    for (is_asked, what, refined) in questions {
-        if !is_asked {
-            continue;
-        }
+    let mut take = |what: &str, refined: fn(&Study, &Search) -> Refined| {
         report(&format!("asking whether {what} would do the same"));
         if let Some((finer, fitted)) = refined(&study, search) {
             let fitted = search.refitted(&finer, fitted);
             before = Some((std::mem::replace(&mut study, finer), fitted));
         }
+    };
+    if has_stops {
+        take("harder stops", hardened);
+    }
+    if may_sharpen {
+        take("friction that sticks", sharpened);
     }
     (study, before)
 }
@@ -84,7 +86,7 @@ pub fn finer(
 /// coordinate by more than [`VISIBLE`] from where the smoothed friction has it, the forces at low speed come out wrong for it. `None` where it would
 /// not, where that was found beside pushes, where friction would become too fast for explicit steps first, and where the sharper model explains the windows no better or is no longer
 /// what was found.
-fn sharpened(study: &Study, search: &Search) -> Option<(Study, Fitted)> {
+fn sharpened(study: &Study, search: &Search) -> Refined {
     let fitted = &search.model;
     // Without the pushes that they were found beside, the constants would take these for their own.
     if search.pushed {

@@ -138,3 +138,71 @@ impl Study {
         Some(state)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use std::fmt::Write as _;
+
+    use super::super::setup::prepare;
+    use super::super::{Means, audit};
+    use super::*;
+    use crate::bins::pseudo;
+    use crate::log::Log;
+    use crate::model::Model;
+
+    const DT: f64 = 0.02;
+    const SPEED: f64 = 0.3;
+
+    /// Place and velocity of what goes to and fro between hard stops at ±0.1 m without loss.
+    fn triangle(t: f64) -> (f64, f64) {
+        let way = SPEED * t % 0.4;
+        match way < 0.2 {
+            true => (way - 0.1, SPEED),
+            false => (0.3 - way, -SPEED),
+        }
+    }
+
+    #[test]
+    fn a_window_that_begins_beside_a_blow_starts_with_the_speed_on_its_side() {
+        let dir = tempfile::tempdir().unwrap();
+        let (model, data) = (dir.path().join("slide.toml"), dir.path().join("log.csv"));
+        let mut log = "t,q.x\n".to_owned();
+        for k in 0..1500 {
+            let t = DT * k as f64;
+            writeln!(log, "{t},{}", triangle(t).0 + 1e-4 * pseudo(k, 0.1)).unwrap();
+        }
+        let text = "name = \"slide\"\n\
+            lagrangian = { coordinates = [\"x\"], kinetic = \"0.5*x_dot^2\", potential = \"0\" }\n\
+            [sensor.x]\nposition_noise = 1e-4\nvelocity = \"none\"\n\
+            [[effect]]\nkind = \"end_stop\"\njoint = \"x\"\nlower = -0.1\nupper = 0.1\nstiffness = 1e6\ndamping = 0.0\n";
+        std::fs::write(&model, text).unwrap();
+        std::fs::write(&data, log).unwrap();
+        let model = Model::load(&model).unwrap();
+        let log = Log::read(&data, &model).unwrap();
+        let audited = audit::audit(&model, &[log], &[]);
+        let means = Means::default();
+        let prepared = prepare(&model, audited.observations, 1, &audited.masked, &means);
+        let study = prepared.unwrap().study;
+        let hybrid = Hybrid::of(&model);
+        let windows: Vec<Window> = (20..60)
+            .map(|first| Window {
+                run: 0,
+                first,
+                count: 25,
+            })
+            .collect();
+        let starts = study.starts(&hybrid, &hybrid.theta(), &windows, None);
+        let (mut wrong, mut smoothed_wrong) = (0, 0);
+        for (window, start) in windows.iter().zip(starts) {
+            let (x, v) = triangle(DT * window.first as f64);
+            let is_wrong = |state: &[f64]| (state[1] - v).abs() > 0.03;
+            wrong += usize::from(is_wrong(&start));
+            smoothed_wrong += usize::from(is_wrong(&study.smoothed[0].state(window.first)));
+            assert!((start[0] - x).abs() < 2e-3, "{start:?} for {x}, {v}");
+        }
+        assert!(smoothed_wrong >= 3, "{smoothed_wrong}");
+        assert_eq!(wrong, 0);
+    }
+}

@@ -14,8 +14,8 @@ use crate::hybrid::Hybrid;
 
 /// Iterations by which starts are compared, of the initial states and of all: soft stops do better than hard ones at first.
 const COMPARING: (usize, usize) = (6, 16);
-/// Stops are fitted once more with steps so many times shorter, and with these iterations.
-const HARDER: usize = 4;
+/// Stops are fitted once more with steps that are shorter by up to this, and with these iterations.
+const FINER: usize = 4;
 const ITERATIONS: usize = 16;
 /// Less than this is gained by no fit.
 const WORTH_A_FIT: f64 = 1.25;
@@ -66,45 +66,50 @@ fn begin(study: &Study, hybrid: &Hybrid, start: &mut Start, known: bool) {
 }
 
 /// The model that was found with its stops harder, and the study with the shorter steps that this takes: what is softer than the stop was strikes too
-/// early, by a way that is right for one speed. `None` where no stop was found that the log shows, where that was beside pushes, where no shorter steps may be
-/// taken, and where harder ones explain the windows no better.
+/// early, by a way that is right for one speed. `None` where no stop was found that the log shows, where that was beside pushes, where those found are as hard as shows,
+/// and where harder ones explain the windows no better.
 pub fn hardened(study: &Study, search: &Search) -> Option<(Study, Fitted)> {
     let fitted = &search.model;
-    let mut finer = study.clone();
-    let mut steps = fitted.substeps;
-    while finer.finer < HARDER * study.finer && 2 * steps <= MOST_SUBSTEPS {
+    let (hybrid, mut theta) = (&fitted.hybrid, fitted.inside.theta.clone());
+    let stops = search.found.iter().filter_map(|found| {
+        let scales = found.candidate.scales(hybrid, &study.scales);
+        let own = hybrid.range(position(fitted, &found.candidate)?);
+        let stop = found.candidate.kind.stop()?;
+        (scales.struck != [None; 2]).then_some((stop, scales, own))
+    });
+    let stops: Vec<_> = stops.collect();
+    if search.pushed || stops.is_empty() {
+        return None;
+    }
+    // As hard as the steps resolve, 1/s.
+    let rate = |steps: usize| RESOLVED_BLOWS * steps as f64 / study.interval;
+    // Blows of half the speed begin too early by half of the way.
+    let shows = |steps: usize| {
+        stops.iter().any(|(stop, scales, own)| {
+            let e = stop.restitution(scales.mass, &theta[own.clone()]);
+            let lasting = std::f64::consts::PI / rate(steps);
+            let mut ends = scales.struck.iter().flatten();
+            ends.any(|end| 0.5 * end.ahead(e, lasting) > scales.noise)
+        })
+    };
+    let (mut finer, mut steps) = (study.clone(), fitted.substeps);
+    while finer.finer < FINER * study.finer && 2 * steps <= MOST_SUBSTEPS && shows(steps) {
         finer.finer *= 2;
         steps *= 2;
     }
-    if search.pushed {
-        return None;
-    }
-    let mut theta = fitted.inside.theta.clone();
-    let mut is_there = false;
-    for found in &search.found {
-        let candidate = found.candidate;
-        let scales = candidate.scales(&fitted.hybrid, &study.scales);
-        let index = position(fitted, &candidate);
-        let Some((stop, index)) = candidate.kind.stop().zip(index) else {
-            continue;
-        };
-        if scales.struck == [None; 2] {
-            continue;
-        }
-        let p = &mut theta[fitted.hybrid.range(index)];
-        // As hard as the steps resolve.
-        let rate = RESOLVED_BLOWS * steps as f64 / study.interval;
-        let factor = (rate / stop.rate(scales.mass, p)).min(HARDER as f64);
-        if factor > WORTH_A_FIT {
-            let harder = stop.harder(&scales, p, factor);
-            p.copy_from_slice(&harder);
-            is_there = true;
+    let mut harder = false;
+    for (stop, scales, own) in stops {
+        let p = &mut theta[own];
+        let factor = rate(steps) / stop.rate(scales.mass, p);
+        if factor > WORTH_A_FIT && factor.is_finite() {
+            let of_them = stop.harder(&scales, p, factor);
+            p.copy_from_slice(&of_them);
+            harder = true;
         }
     }
-    if !is_there {
+    if !harder {
         return None;
     }
-    let hybrid = &fitted.hybrid;
     let mut start = fitted.start(theta);
     begin(&finer, hybrid, &mut start, true);
     let hard = finer.fit(hybrid.clone(), start, 2, ITERATIONS);

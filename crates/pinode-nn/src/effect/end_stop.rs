@@ -92,7 +92,7 @@ impl RigidStop for EndStop {
         let shorter = std::f64::consts::PI / self.rate(scales.mass, p) * (1.0 - 1.0 / factor);
         let [below, above] = scales
             .struck
-            .map(|end| end.map_or(0.0, |end| ahead(&end, e, shorter)));
+            .map(|end| end.map_or(0.0, |end| end.ahead(e, shorter)));
         vec![
             p[0] - below,
             p[1] + above,
@@ -111,7 +111,7 @@ impl RigidStop for EndStop {
         let starts = LASTING.map(|factor| {
             let lasting = |end: &Struck| (factor * end.within).min(0.9 * LONGEST_BLOW);
             let rate = std::f64::consts::PI / ends().map(lasting).fold(0.0, f64::max);
-            let place = |end: &Struck| (end.place, ahead(end, end.restitution, lasting(end)));
+            let place = |end: &Struck| (end.place, end.ahead(end.restitution, lasting(end)));
             let [lower, upper] = scales.struck.map(|end| end.as_ref().map(place));
             vec![
                 lower.map_or(f64::NEG_INFINITY, |(place, before)| place + before),
@@ -122,11 +122,6 @@ impl RigidStop for EndStop {
         });
         starts.to_vec()
     }
-}
-
-/// How far before the place of a blow that takes no time one has to begin that lasts so long, so that both send the body back alike.
-fn ahead(end: &Struck, e: f64, lasting: f64) -> f64 {
-    e / (1.0 + e) * end.speed * lasting
 }
 
 /// e of a blow that is damped by ζ.

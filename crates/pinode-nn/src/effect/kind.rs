@@ -67,6 +67,14 @@ pub struct Struck {
     pub within: f64,
 }
 
+impl Struck {
+    /// How far before its place a blow has to begin that lasts so long, s, so that it sends a body back as one would that took no time: with the part e of its
+    /// speed, at this speed.
+    pub fn ahead(&self, e: f64, lasting: f64) -> f64 {
+        e / (1.0 + e) * self.speed * lasting
+    }
+}
+
 impl Scales {
     /// A force that is small beside those at work.
     pub fn small_force(&self) -> f64 {
