@@ -200,8 +200,8 @@ mod tests {
             let Some(floor) = floor else {
                 panic!("{e}: no floor")
             };
-            assert!((floor.place - 0.25).abs() < 0.01, "{e}: {floor:?}");
-            assert!((floor.restitution - e).abs() < 0.1, "{e}: {floor:?}");
+            assert!((floor.place - 0.25).abs() < 1e-3, "{e}: {floor:?}");
+            assert!((floor.restitution - e).abs() < 0.01, "{e}: {floor:?}");
             assert!((2.0..4.5).contains(&floor.speed), "{e}: {floor:?}");
         }
     }

@@ -52,14 +52,14 @@ pub fn set_valued(study: &Study, fitted: &Fitted) -> Option<SmoothingError> {
 type Refined = Option<(Study, Fitted)>;
 
 /// What was found for `model`, with its stops as hard and its dry friction as sharp as the data see them where that explains them better: in the study
-/// with the steps that this takes; and the last study and fit before that.
+/// with the steps that this takes; and the studies and fits before that, the last one last.
 pub fn finer(
     model: &Model,
     study: &Study,
     search: &mut Search,
     report: &dyn Fn(&str),
-) -> (Study, Refined) {
-    let (mut study, mut before) = (study.clone(), None);
+) -> (Study, Vec<(Study, Fitted)>) {
+    let (mut study, mut before) = (study.clone(), Vec::new());
     let has_stops = search
         .found
         .iter()
@@ -70,7 +70,7 @@ pub fn finer(
         report(&format!("asking whether {what} would do the same"));
         if let Some((finer, fitted)) = refined(&study, search) {
             let fitted = search.refitted(&finer, fitted);
-            before = Some((std::mem::replace(&mut study, finer), fitted));
+            before.push((std::mem::replace(&mut study, finer), fitted));
         }
     };
     if has_stops {

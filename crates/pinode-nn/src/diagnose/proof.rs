@@ -85,14 +85,14 @@ impl Proof<'_> {
         })
     }
 
-    /// The model with what of the search shrinks the gap: all of it; with friction less sharp, as in `coarse`; or nothing. With the study that it was fitted in.
+    /// The model with what of the search shrinks the gap: all of it; with stops less hard and friction less sharp, as in `coarse`, the last one first; or nothing. With the study that it was fitted in.
     ///
     /// # Errors
     /// As [`Model::write_revision`] and [`Model::load`].
     pub fn shrinking(
         &self,
         mut study: Study,
-        mut coarse: Option<(Study, Fitted)>,
+        mut coarse: Vec<(Study, Fitted)>,
         search: &mut Search,
         provenance: &Provenance,
         report: &dyn Fn(&str),
@@ -103,8 +103,8 @@ impl Proof<'_> {
             if search.found.is_empty() || proved.free_runs.is_empty() || shrinks(&proved.gap) {
                 return Ok((study, proved));
             }
-            // Friction that is less sharp may.
-            if let Some((plain, model)) = coarse.take() {
+            // Friction that is less sharp may, or a stop that is less hard.
+            if let Some((plain, model)) = coarse.pop() {
                 study = plain;
                 search.refitted(&study, model);
                 continue;

@@ -9,6 +9,7 @@
 
 use lagrange::Scalar;
 
+use super::refine::best;
 use super::study::{Comparison, Fitted, Study};
 use crate::effect::{Action, Family, Kind, MemoryLaw, ParameterSpec, Quantity, Seen, WithMemory};
 use crate::hybrid::{Hybrid, Placed};
@@ -90,8 +91,7 @@ pub fn with_pushes(study: &Study, fitted: &Fitted) -> Option<Fitted> {
         };
         let joints = (0..current.hybrid.nv()).filter(|&c| !there(c));
         let tried = joints.filter_map(|c| with_push(study, current, c));
-        let best = tried.max_by(|a, b| a.score(0).total_cmp(&b.score(0)));
-        match best.filter(|best| Comparison::of(best, current).explains()) {
+        match best(tried.collect()).filter(|best| Comparison::of(best, current).explains()) {
             Some(best) => pushed = Some(best),
             None => break,
         }

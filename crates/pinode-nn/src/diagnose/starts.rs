@@ -35,16 +35,19 @@ impl Study {
         };
         let is_near = |&i: &usize| self.is_near_a_stop(hybrid, theta, &smoothed[i]);
         let near: Vec<usize> = (0..windows.len()).filter(is_near).collect();
-        let guess = |&i: &usize| {
-            let one_sided = [true, false].map(|ahead| {
+        let near_windows: Vec<Window> = near.iter().map(|&i| windows[i]).collect();
+        let of_near = |states: &[Vec<f64>]| near.iter().map(|&i| states[i].clone()).collect();
+        let one_sided = |ahead: bool| -> Vec<Vec<f64>> {
+            let guess = |&i: &usize| {
                 let guess = self.one_sided(&windows[i], ahead, &smoothed[i]);
                 guess.unwrap_or_else(|| smoothed[i].clone())
-            });
-            let [ahead, behind] = one_sided;
-            [states[i].clone(), smoothed[i].clone(), ahead, behind]
+            };
+            near.iter().map(guess).collect()
         };
-        let guesses: Vec<_> = near.iter().map(guess).collect();
-        let near_windows: Vec<Window> = near.iter().map(|&i| windows[i]).collect();
+        let mut guesses = vec![of_near(&states), one_sided(true), one_sided(false)];
+        if known.is_some() {
+            guesses.push(of_near(&smoothed));
+        }
         let best = self.explaining(hybrid, theta, &near_windows, &guesses);
         for (&i, best) in near.iter().zip(best) {
             states[i] = best[..visible].to_vec();
@@ -64,13 +67,14 @@ impl Study {
         })
     }
 
-    /// Of some guesses of the state (q, v) at the start of each window that from which a model at θ explains it best, fitted a little, with the hidden states.
-    fn explaining<const N: usize>(
+    /// Of some guesses of the states (q, v) at the start of all windows, those from which a model at θ explains each window best: fitted a little, with the
+    /// hidden states.
+    fn explaining(
         &self,
         hybrid: &Hybrid,
         theta: &[f64],
         windows: &[Window],
-        guesses: &[[Vec<f64>; N]],
+        guesses: &[Vec<Vec<f64>>],
     ) -> Vec<Vec<f64>> {
         if windows.is_empty() {
             return Vec::new();
@@ -85,9 +89,9 @@ impl Study {
             state_iterations: COMPARING,
         };
         let mut best: Vec<(f64, Vec<f64>)> = vec![(f64::INFINITY, Vec::new()); windows.len()];
-        for k in 0..N {
-            let whole = |(guesses, h): (&[Vec<f64>; N], &Vec<f64>)| {
-                let mut state = [&guesses[k][..], h].concat();
+        for guess in guesses {
+            let whole = |(guess, h): (&Vec<f64>, &Vec<f64>)| {
+                let mut state = [&guess[..], h].concat();
                 hybrid.keep_before_stops(theta, &mut state);
                 state
             };
@@ -97,7 +101,7 @@ impl Study {
                 windows,
                 &[],
                 theta.to_vec(),
-                guesses.iter().zip(&hidden.means).map(whole).collect(),
+                guess.iter().zip(&hidden.means).map(whole).collect(),
                 channels.iter().map(|c| c.noise).collect(),
                 &hidden,
                 &options,

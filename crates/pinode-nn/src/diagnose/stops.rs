@@ -11,6 +11,7 @@ use super::refine::best;
 use super::search::Search;
 use super::study::{Fitted, MOST_SUBSTEPS, RESOLVED_BLOWS, Start, Study};
 use crate::hybrid::Hybrid;
+use crate::shooting::Window;
 
 /// Iterations by which starts are compared, of the initial states and of all: soft stops do better than hard ones at first.
 const COMPARING: (usize, usize) = (6, 16);
@@ -31,37 +32,39 @@ pub fn fit_struck(
     let (seen, there) = study.some_windows(current, 1);
     let tried = starts.par_iter().map(|start| {
         let (hybrid, theta) = candidate.place(&current.hybrid, &current.inside.theta, start);
-        let from = measured(&seen, &there, &hybrid, theta);
+        let mut from = there.start(theta);
+        begin(
+            &seen,
+            (&hybrid, &from.theta),
+            &seen.windows.fit,
+            &mut from.inside,
+            false,
+        );
         seen.fit(hybrid, from, COMPARING.0, COMPARING.1)
     });
     let best = best(tried.collect())?;
-    let start = Start {
+    let mut start = Start {
         inside: best.inside.states,
-        ..measured(study, current, &best.hybrid, best.inside.theta)
+        ..current.start(best.inside.theta)
     };
+    let (model, windows) = ((&best.hybrid, &start.theta[..]), &study.windows.held_out);
+    begin(study, model, windows, &mut start.outside, false);
     Some(study.fit(best.hybrid, start, COMPARING.0, iterations))
 }
 
-/// A start of `hybrid` at θ from the measured states (q, v).
-fn measured(study: &Study, current: &Fitted, hybrid: &Hybrid, theta: Vec<f64>) -> Start {
-    let mut start = current.start(theta);
-    begin(study, hybrid, &mut start, false);
-    start
-}
-
-/// Puts the states (q, v) from which `hybrid` explains the windows of `study` in the place of those of `start`: of the measured ones, and of those that are there
-/// if they are `known` to be good.
-fn begin(study: &Study, hybrid: &Hybrid, start: &mut Start, known: bool) {
-    let windows = [&study.windows.fit, &study.windows.held_out];
-    for (states, windows) in [&mut start.inside, &mut start.outside]
-        .into_iter()
-        .zip(windows)
-    {
-        let known = known.then_some(&states[..]);
-        let best = study.starts(hybrid, &start.theta, windows, known);
-        for (state, best) in states.iter_mut().zip(best) {
-            state[..best.len()].copy_from_slice(&best);
-        }
+/// Puts the states (q, v) from which a model at θ explains some windows best in the place of `states`: of the measured ones, and of those that are there if
+/// they are `known` to be good.
+fn begin(
+    study: &Study,
+    (hybrid, theta): (&Hybrid, &[f64]),
+    windows: &[Window],
+    states: &mut [Vec<f64>],
+    known: bool,
+) {
+    let known = known.then_some(&*states);
+    let best = study.starts(hybrid, theta, windows, known);
+    for (state, best) in states.iter_mut().zip(best) {
+        state[..best.len()].copy_from_slice(&best);
     }
 }
 
@@ -111,7 +114,9 @@ pub fn hardened(study: &Study, search: &Search) -> Option<(Study, Fitted)> {
         return None;
     }
     let mut start = fitted.start(theta);
-    begin(&finer, hybrid, &mut start, true);
+    let (model, windows) = ((hybrid, &start.theta[..]), &finer.windows);
+    begin(&finer, model, &windows.fit, &mut start.inside, true);
+    begin(&finer, model, &windows.held_out, &mut start.outside, true);
     let hard = finer.fit(hybrid.clone(), start, 2, ITERATIONS);
     search.improves(&finer, &hard).then_some((finer, hard))
 }

@@ -35,7 +35,7 @@ const SOFT: f64 = 0.05;
 /// A blow that the samples do not resolve is taken to last so many times the time within which it is over: fits start from both, for hard
 /// stops are nearer to the truth and softer ones easier to fit.
 const LASTING: [f64; 2] = [1.0, 4.0];
-/// ζ of which a restitution is looked for, on a logarithmic scale: e = 0.99 to 0.13.
+/// ζ of which a restitution is looked for, on a logarithmic scale: e = 0.99 to 0.12.
 const DAMPED: (f64, f64) = (3e-3, 100.0);
 
 /// The force of the stop on what is `depth` in it and goes on with `rate`, at least 0.
