@@ -31,6 +31,27 @@ pub fn short(x: f64) -> String {
     }
 }
 
+/// A value with its standard error, both to the second digit of the error: `0.312 ± 0.010`. Without one, three digits.
+pub fn uncertain(value: f64, std: Option<f64>) -> String {
+    let Some(std) = std.filter(|s| s.is_finite() && *s > 0.0) else {
+        return number(value);
+    };
+    if !value.is_finite() {
+        return number(value);
+    }
+    let size = exponent(value.abs().max(std), 2);
+    // At most six digits, however small the error.
+    let last = (exponent(std, 1) - 1).max(size - 5);
+    if is_plain(size) {
+        format!("{} ± {}", fixed(value, -last), fixed(std, -last))
+    } else {
+        let scale = 10f64.powi(size);
+        let decimals = size - last;
+        let (value, std) = (fixed(value / scale, decimals), fixed(std / scale, decimals));
+        format!("({value} ± {std}){}", power(size))
+    }
+}
+
 /// Power of ten of `x` rounded to `digits` decimals of its mantissa; 0 for 0.
 pub fn exponent(x: f64, digits: usize) -> i32 {
     let scientific = format!("{x:.digits$e}");

@@ -4,7 +4,10 @@ use super::experiment::{Outcome, Split, short};
 use super::misfit::{is_unexplained, strays};
 use super::search::Search;
 use super::study::Study;
-use super::verdict::{NamedEffect, Numerics, Unexplained, Verdict};
+use super::verdict::{
+    Change, FittedConstant, Gap, Moved, NamedEffect, Numerics, Unexplained, Verdict,
+};
+use crate::digits::{number, uncertain};
 
 /// Delays below this are not told from a lag, s.
 const SHORT_DELAY: f64 = 5e-3;
@@ -31,6 +34,13 @@ pub fn advise(
             advice.push(format!(
                 "{own} is the best of several names (confidence {:.2}): record a longer log with a wider range of speeds and inputs.",
                 effect.confidence
+            ));
+        }
+        let gain = effect.parameters.get("gain").map(|g| g.value);
+        if effect.kind == "input_gain_error" && gain.is_some_and(|g| g < -1.0) {
+            advice.push(format!(
+                "`{}` acts the other way round than the model has it: is its sign, or that of the coordinates it moves, reversed in the log?",
+                effect.target
             ));
         }
         let delay = effect.parameters.get("delay").map(|d| d.value);
@@ -101,6 +111,54 @@ pub fn advise(
         ));
     }
     advice
+}
+
+/// What to do about a constant that was not found missing and yet has left what the model gives.
+pub fn moved(constant: &FittedConstant) -> Option<String> {
+    let moved = constant.moved()?;
+    let went = format!(
+        "the {} went from {} to {}",
+        constant.name,
+        number(constant.given),
+        uncertain(constant.fitted, constant.std)
+    );
+    Some(match moved {
+        Moved::Stretched => format!(
+            "{went}, {} times its tolerance of {}: measure it, or say in `[tolerance]` what is possible.",
+            short(constant.tolerances().abs()),
+            short(constant.tolerance),
+        ),
+        Moved::Free => format!(
+            "{went}: the model gives it without `fixed = true`, so that it was free to move. Where it is known, fix it: what it then no \
+             longer stands in for may be something else that is missing."
+        ),
+        Moved::Undetermined => {
+            format!("{went}, and these data do not determine it: keep the value that was given.")
+        }
+    })
+}
+
+/// What to ask where free runs over the unseen part contradict what the seen one bears out.
+pub fn contradicted(gap: &Gap) -> String {
+    format!(
+        "free runs over data that no fit has seen err by {} times the sensor noise, by {} with the constants as given: what is missing \
+         shows there or builds up over a run. Ask what differs between the parts of the log (a slipped encoder, another load, something \
+         that warmed up), and compare logs of different days with `--holdout`.",
+        short(gap.after),
+        short(gap.before)
+    )
+}
+
+/// What to do about a constant that is none.
+pub fn changing(change: &Change) -> String {
+    format!(
+        "the {} is not one number over the log: about {} until t = {:.1} s and {} after it. What changes with time is no constant: fit \
+         the parts by themselves, or log what it depends on (temperature, load, voltage).",
+        change.name,
+        number(change.before),
+        change.t,
+        number(change.after),
+    )
 }
 
 /// What tells a found effect from a rival.

@@ -164,6 +164,19 @@ impl<'a> Linearisation<'a> {
         }
     }
 
+    /// P (θ − θ₀) of the free constants: how hard their tolerances pull them back.
+    pub fn strain(&self) -> DVector<f64> {
+        let (fit, constants) = (&self.fitted.inside, self.fitted.hybrid.constants());
+        let pulls = fit.free.iter().map(|&i| {
+            let constant = &constants[i];
+            match constant.tolerance.is_finite() {
+                true => (fit.theta[i] - constant.value) / constant.tolerance.powi(2),
+                false => 0.0,
+            }
+        });
+        DVector::from_iterator(fit.free.len(), pulls)
+    }
+
     /// How the free constants follow a step of each further column, with the opposite sign: S_nn⁻¹ S_nc, the tolerances in S_nn, of the
     /// information S of all windows.
     pub fn by_nuisance(&self, s: &DMatrix<f64>) -> DMatrix<f64> {

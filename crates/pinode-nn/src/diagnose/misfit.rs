@@ -1,6 +1,7 @@
 //! How far residuals exceed the noise of the sensors.
 
 use super::study::{Fitted, Study};
+use super::verdict::Gap;
 use crate::shooting::Channel;
 
 /// Residual over sensor noise beyond which a model does not explain the data: on a displacement, on an angle.
@@ -61,6 +62,16 @@ pub fn is_unexplained(study: &Study, fitted: &Fitted) -> bool {
     misfit(study, fitted) > 1.0 || straying.into_iter().any(many)
 }
 
+/// Free runs that err by more noises than the first do not bear a model out, nor do those that err by more than the second and so many times
+/// as much as with the constants that were given. Starts that are estimated make 1 to 6 by themselves.
+const FAR: f64 = 10.0;
+const WORSE: (f64, f64) = (5.0, 1.5);
+
+/// Whether free runs over the unseen part contradict a model that the seen one does not.
+pub fn is_contradicted(gap: &Gap) -> bool {
+    gap.after > FAR || (gap.after > WORSE.0 && gap.after > WORSE.1 * gap.before)
+}
+
 /// The share of the misfit of `null` that `model` explains, on a logarithmic scale: 1 where what is left does not exceed
 /// its limits, 0 where nothing is explained. A name for a small part of a large misfit may stand in for what is really missing.
 pub fn explained(study: &Study, null: &Fitted, model: &Fitted) -> f64 {
@@ -71,5 +82,38 @@ pub fn explained(study: &Study, null: &Fitted, model: &Fitted) -> f64 {
         (before / after).ln() / before.ln()
     } else {
         0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn free_runs_that_became_worse_or_stayed_far_from_the_noise_contradict_a_model() {
+        let gap = |before, after| Gap {
+            horizon_s: 0.6,
+            windows: 16,
+            coordinates: Vec::new(),
+            before,
+            after,
+            noise_floor: 1.0,
+            horizons: Vec::new(),
+            regions: Vec::new(),
+        };
+        for (before, after, contradicted) in [
+            (1.1, 1.1, false),
+            (200.0, 4.5, false),
+            (5.8, 6.0, false), // estimated starts
+            (3.2, 6.0, true),
+            (40.7, 120.0, true),
+            (416.0, 74.0, true),
+        ] {
+            assert_eq!(
+                is_contradicted(&gap(before, after)),
+                contradicted,
+                "{before} {after}"
+            );
+        }
     }
 }

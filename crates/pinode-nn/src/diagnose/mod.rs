@@ -17,6 +17,7 @@ pub(crate) mod audit;
 mod blows;
 mod candidate;
 mod confidence;
+mod constancy;
 pub mod curves;
 mod experiment;
 mod found;
@@ -195,12 +196,15 @@ pub(crate) fn diagnose_into(
     let (study, mut proved) = proof.shrinking(study, coarse, &mut search, &provenance, report)?;
     let study = &study;
     provenance.substeps = study.substeps * study.finer;
-    let something_is_left = search.left.is_some() || misfit::is_unexplained(study, &search.model);
+    let at_fault = data_faults.iter().any(audit::contradicts);
+    let contradicted = search.found.is_empty() && !at_fault && misfit::is_contradicted(&proved.gap);
+    let something_is_left =
+        search.left.is_some() || misfit::is_unexplained(study, &search.model) || contradicted;
     let verdict = if !search.found.is_empty() && search.explains_most() {
         Verdict::EffectsFound
     } else if something_is_left {
         Verdict::Unexplained
-    } else if data_faults.iter().any(audit::contradicts) {
+    } else if at_fault {
         Verdict::DataFault
     } else {
         Verdict::NothingMissing
@@ -234,7 +238,8 @@ pub(crate) fn diagnose_into(
     let numerics = Numerics {
         set_valued: numerics::set_valued(study, &search.model),
     };
-    let advice = advise::advise(
+    let constants = write_up::constants((study, &search), &names);
+    let mut advice = advise::advise(
         study,
         &search,
         &effects,
@@ -243,6 +248,12 @@ pub(crate) fn diagnose_into(
         unexplained.as_ref(),
         &numerics,
     );
+    if contradicted {
+        advice.push(advise::contradicted(&gap));
+    }
+    advice.extend(constants.iter().filter_map(advise::moved));
+    let change = constancy::change(study, &search, &names);
+    advice.extend(change.as_ref().map(advise::changing));
     let diagnosis = Diagnosis {
         verdict,
         disagreement,
@@ -253,7 +264,8 @@ pub(crate) fn diagnose_into(
         excitation: prepared.excitation,
         unexplained,
         advice,
-        constants: write_up::constants((study, &search), &names),
+        constants,
+        change,
         search: write_up::steps(&search, &names),
         numerics,
         provenance,

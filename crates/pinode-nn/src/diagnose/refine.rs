@@ -7,7 +7,7 @@ use super::confidence::wins;
 use super::found::position;
 use super::screen::Screened;
 use super::stops::fit_struck;
-use super::study::{Comparison, Fitted, RELIEF, Study};
+use super::study::{Comparison, Fitted, RELIEF, SURE, Study};
 
 /// A candidate with this share of its information spanned by free constants is one that they imitate.
 const IMITATED: f64 = 0.9;
@@ -26,8 +26,6 @@ const ROUNDS: [usize; 2] = [12, 4];
 /// A rival goes on while it makes good this share of what it lacks in a round, the leader while one gains so many nats.
 const CATCHING_UP: f64 = 0.25;
 const WORTH_A_ROUND: f64 = 1.0;
-/// What relieves stretched tolerances is there when so many standard errors say so, as many as that relief is of the tolerances.
-const SURE: f64 = 4.0;
 
 /// A candidate, or a pair of them, refined by a fit.
 #[derive(Clone)]

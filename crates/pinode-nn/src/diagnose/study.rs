@@ -150,8 +150,10 @@ pub struct Comparison {
     pub relief: f64,
 }
 
-/// A relief of the tolerances by so many nats, four standard deviations, speaks for an effect by itself.
-pub const RELIEF: f64 = 8.0;
+/// So many standard deviations say that a constant is not what it is taken for: one in two thousand is as far off.
+pub const SURE: f64 = 3.5;
+/// A relief of the tolerances by so many nats, as of one of them that was stretched by [`SURE`], speaks for an effect by itself.
+pub const RELIEF: f64 = 0.5 * SURE * SURE;
 
 /// A loss of less than this, nats a sample, does not count against a relief: a tenth of the least gain held out that counts for an effect.
 const HARMLESS: f64 = 2.5e-3;

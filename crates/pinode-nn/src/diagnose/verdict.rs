@@ -30,6 +30,8 @@ pub struct Diagnosis {
     pub advice: Vec<String>,
     /// Everything else the fit moved within its tolerance: masses, gains, zeros, known effects.
     pub constants: Vec<FittedConstant>,
+    /// The constant that changes most clearly over the log, if one does.
+    pub change: Option<Change>,
     /// Every step of the search: what the screen promised and what refining it gave.
     pub search: Vec<SearchStep>,
     /// What the new model owes to its numerics.
@@ -483,6 +485,64 @@ pub struct FittedConstant {
     pub fitted: f64,
     /// Standard error; `null` when neither data nor tolerance determine it.
     pub std: Option<f64>,
+    /// What the model takes for possible, as a standard deviation about the given value, in the constant's unit.
+    pub tolerance: f64,
+}
+
+impl FittedConstant {
+    /// (fitted − given)/tolerance.
+    pub fn tolerances(&self) -> f64 {
+        (self.fitted - self.given) / self.tolerance
+    }
+
+    /// How it left what the model gives, if it did.
+    pub fn moved(&self) -> Option<Moved> {
+        if self.tolerance.is_finite() {
+            return (self.tolerances().abs() > STRETCHED).then_some(Moved::Stretched);
+        }
+        let by = (self.fitted - self.given).abs();
+        let far = by > FAR * self.given.abs();
+        match self.std {
+            _ if !far => None,
+            None => Some(Moved::Undetermined),
+            Some(std) => (by > SURELY * std).then_some(Moved::Free),
+        }
+    }
+}
+
+/// A constant that a fit has stretched by more tolerances than this has left them: one in four hundred is as far off.
+const STRETCHED: f64 = 3.0;
+/// One without a tolerance has left its value when it is off by this part of it, and by so many standard errors.
+const FAR: f64 = 0.2;
+const SURELY: f64 = 4.0;
+
+/// How a constant left what the model gives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Moved {
+    /// Beyond its tolerance.
+    Stretched,
+    /// It has no tolerance, and the data want another value.
+    Free,
+    /// It has no tolerance, and the data do not determine it.
+    Undetermined,
+}
+
+/// A constant, found or known, that is another before some time of the log than after it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Change {
+    /// What it is.
+    pub name: String,
+    /// The largest cumulated pull of the windows on it, over the root of the sum of their squares; beyond x with the probability
+    /// 2 exp(−2 x²) where nothing changes.
+    pub statistic: f64,
+    /// The recording in which the sum is the largest, from 0 on.
+    pub run: usize,
+    /// When in it, s.
+    pub t: f64,
+    /// Its value over the windows until then, to first order.
+    pub before: f64,
+    /// Its value over those after it.
+    pub after: f64,
 }
 
 /// One step of the search.

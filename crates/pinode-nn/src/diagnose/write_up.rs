@@ -243,6 +243,7 @@ pub fn constants((study, search): (&Study, &Search), inputs: &[String]) -> Vec<F
                     .map_or(constant.value, |(_, c)| c.value),
                 fitted: fitted.inside.theta[i],
                 std: errors.at(i),
+                tolerance: constant.tolerance,
             })
         })
         .collect()

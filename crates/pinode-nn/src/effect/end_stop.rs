@@ -29,7 +29,7 @@ use super::{
 struct EndStop;
 
 /// What gives for longer than this, s, is a spring and no stop.
-const LONGEST_BLOW: f64 = 0.15;
+const LONGEST_BLOW: f64 = 0.25;
 /// How far within the range soft stops are looked for, in parts of the reach.
 const SOFT: f64 = 0.05;
 /// A blow that the samples do not resolve is taken to last so many times the time within which it is over: fits start from both, for hard

@@ -1,6 +1,6 @@
 //! Input gain error: u → (1 + g) u.
 //!
-//! g is a ratio, 0 where the gain in the model is right. The same as an error of all masses that the input moves, unless gravity
+//! g is a ratio, 0 where the gain in the model is right, −2 where its sign is wrong. The same as an error of all masses that the input moves, unless gravity
 //! or another known force sets the scale.
 
 use super::{
@@ -34,7 +34,7 @@ pub static KIND: Kind = Kind {
     parameters: &[ParameterSpec::new(
         "gain",
         Quantity::Ratio,
-        (-0.95, 10.0),
+        (-3.0, 10.0),
         0.0,
     )],
     action: Action::Drive(&GainError),

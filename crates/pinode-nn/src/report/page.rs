@@ -75,6 +75,8 @@ struct ConstantRow {
     given: String,
     fitted: String,
     change: String,
+    tolerance: String,
+    tolerances: String,
 }
 
 struct CandidateRow {
@@ -236,6 +238,11 @@ fn constants(diagnosis: &Diagnosis) -> Vec<ConstantRow> {
                 fitted: uncertain(c.fitted, c.std),
                 change: match change.is_finite() {
                     true => format!("{change:+.1} %"),
+                    false => String::new(),
+                },
+                tolerance: number(c.tolerance),
+                tolerances: match c.tolerance.is_finite() {
+                    true => format!("{:+.1}", c.tolerances()),
                     false => String::new(),
                 },
             }

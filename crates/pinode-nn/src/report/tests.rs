@@ -170,8 +170,10 @@ pub(super) fn diagnosis(slider: &str) -> Diagnosis {
             given: 0.466,
             fitted: 0.4689,
             std: Some(0.0021),
+            tolerance: 0.00233,
         }],
         numerics: Numerics::default(),
+        change: None,
         search: vec![
             SearchStep {
                 screened: vec![
@@ -526,6 +528,11 @@ fn every_verdict_is_a_sentence() {
         verdict_in_words(&d),
         "Nothing is missing: the model explains the data. Free-run error on unseen data is 1.02 times the sensor noise."
     );
+    d.constants[0].fitted = 0.49;
+    d.constants[0].tolerance = 0.005;
+    assert!(verdict_in_words(&d).starts_with(
+        "Nothing is missing: the model explains the data when the mass of cart is 0.4900 ± 0.0021."
+    ));
     d.gap.after = f64::NAN;
     d.verdict = Verdict::Unexplained;
     assert_eq!(
@@ -544,12 +551,29 @@ fn every_verdict_is_a_sentence() {
     assert!(verdict_in_words(&d).starts_with(
         "2 effects are missing: Coulomb friction on `slider`, 0.312 ± 0.010 N (98 %); Coulomb"
     ));
+    d.change = Some(Change {
+        name: "force of coulomb_friction on `slider`".into(),
+        statistic: 2.9,
+        run: 0,
+        t: 30.0,
+        before: 0.4,
+        after: 0.2,
+    });
+    assert!(verdict_in_words(&d).contains(
+        "That is not all: the force of coulomb_friction on `slider` changes over the log."
+    ));
+    d.change = None;
     d.unexplained = Some(unexplained(Some("the input on `slider`")));
     let said = verdict_in_words(&d);
     assert!(said.contains("That is not all: what is left follows the input on `slider`."));
     // Where no law is seen, nothing is said of one.
     d.unexplained = Some(unexplained(None));
     assert!(!verdict_in_words(&d).contains("That is not all"));
+    // What nobody can believe is no headline.
+    d.effects.iter_mut().for_each(|e| e.confidence = 0.01);
+    assert!(verdict_in_words(&d).starts_with(
+        "Something is missing on `slider` that no effect in the library explains; what was added stands in for part of it at best"
+    ));
     written(&d, &curves("slider"));
 }
 

@@ -2,8 +2,8 @@
 
 use crate::diagnose::audit::contradicts;
 use crate::diagnose::verdict::{Diagnosis, Gap, NamedEffect, ParameterValue, Verdict};
-use crate::digits::{exponent, fixed, is_plain, power};
-pub use crate::digits::{number, short};
+use crate::digits::{exponent, fixed, is_plain};
+pub use crate::digits::{number, short, uncertain};
 
 /// A name of the library without its underscores: `coulomb_friction` is "Coulomb friction".
 pub fn plain(name: &str) -> String {
@@ -20,27 +20,6 @@ pub fn plain(name: &str) -> String {
     match words.join(" ").as_str() {
         "unknown" => "unknown effect".to_owned(),
         words => words.to_owned(),
-    }
-}
-
-/// A value with its standard error, both to the second digit of the error: `0.312 ± 0.010`. Without one, three digits.
-pub fn uncertain(value: f64, std: Option<f64>) -> String {
-    let Some(std) = std.filter(|s| s.is_finite() && *s > 0.0) else {
-        return number(value);
-    };
-    if !value.is_finite() {
-        return number(value);
-    }
-    let size = exponent(value.abs().max(std), 2);
-    // At most six digits, however small the error.
-    let last = (exponent(std, 1) - 1).max(size - 5);
-    if is_plain(size) {
-        format!("{} ± {}", fixed(value, -last), fixed(std, -last))
-    } else {
-        let scale = 10f64.powi(size);
-        let decimals = size - last;
-        let (value, std) = (fixed(value / scale, decimals), fixed(std / scale, decimals));
-        format!("({value} ± {std}){}", power(size))
     }
 }
 
@@ -80,8 +59,12 @@ pub fn percent(share: f64) -> String {
 /// The verdict in plain sentences.
 pub fn verdict(diagnosis: &Diagnosis) -> String {
     let said = match diagnosis.verdict {
+        Verdict::EffectsFound if is_doubtful(diagnosis) => unexplained(diagnosis),
         Verdict::EffectsFound => format!("{}.{}", missing(&diagnosis.effects), more(diagnosis)),
-        Verdict::NothingMissing => "Nothing is missing: the model explains the data.".to_owned(),
+        Verdict::NothingMissing => format!(
+            "Nothing is missing: the model explains the data{}.",
+            adjusted(diagnosis)
+        ),
         Verdict::Unexplained => unexplained(diagnosis),
         Verdict::DataFault => data_fault(diagnosis),
     };
@@ -91,13 +74,57 @@ pub fn verdict(diagnosis: &Diagnosis) -> String {
     }
 }
 
+/// Whether all that was found is beyond belief, and something is left.
+fn is_doubtful(diagnosis: &Diagnosis) -> bool {
+    diagnosis.unexplained.is_some() && diagnosis.effects.iter().all(|e| e.confidence < DOUBTFUL)
+}
+
+/// Which constants had to move for it to explain the data.
+fn adjusted(diagnosis: &Diagnosis) -> String {
+    let moved: Vec<String> = diagnosis
+        .constants
+        .iter()
+        .filter(|c| c.moved().is_some())
+        .map(|c| format!("the {} is {}", c.name, uncertain(c.fitted, c.std)))
+        .collect();
+    match moved.is_empty() {
+        true => String::new(),
+        false => format!(" when {}", moved.join(" and ")),
+    }
+}
+
 /// What is left beside what was found, where it follows from something.
 fn more(diagnosis: &Diagnosis) -> String {
     let left = diagnosis.unexplained.as_ref();
     match left.and_then(|left| left.follows.as_ref()) {
         Some(follows) => format!(" That is not all: what is left follows {follows}."),
-        None => String::new(),
+        None => match &diagnosis.change {
+            Some(change) => format!(
+                " That is not all: the {} changes over the log.",
+                change.name
+            ),
+            None => String::new(),
+        },
     }
+}
+
+/// A name with less confidence than this is no finding.
+const DOUBTFUL: f64 = 0.05;
+
+/// Effects with their places and confidences.
+fn named(effects: &[NamedEffect]) -> String {
+    let said: Vec<String> = effects
+        .iter()
+        .map(|e| {
+            format!(
+                "{} on `{}`, {}",
+                plain(&e.kind),
+                e.target,
+                percent(e.confidence)
+            )
+        })
+        .collect();
+    said.join("; ")
 }
 
 fn missing(effects: &[NamedEffect]) -> String {
@@ -154,6 +181,10 @@ fn unexplained(diagnosis: &Diagnosis) -> String {
         .map_or(String::new(), |d| format!(" on `{}`", d.coordinate));
     match diagnosis.effects.as_slice() {
         [] => format!("Something is missing{place} that no effect in the library explains."),
+        doubtful if doubtful.iter().all(|e| e.confidence < DOUBTFUL) => format!(
+            "Something is missing{place} that no effect in the library explains; what was added stands in for part of it at best ({}).",
+            named(doubtful)
+        ),
         some => format!(
             "{}. That is not all: something is left{place} that no effect in the library explains.",
             missing(some)

@@ -81,16 +81,11 @@ pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) ->
     let s_nc = s.view((0, nuisances), (nuisances, columns.len()));
     let s_cc = s.view((nuisances, nuisances), (columns.len(), columns.len()));
     let information = s_cc - s_nc.transpose() * &by_nuisance;
-    let mut pull = vec![0.0; columns.len()];
-    for g in &gradients {
-        for (pull, g) in pull.iter_mut().zip(g.rows(nuisances, columns.len()).iter()) {
-            *pull += g;
-        }
-    }
     let scores: Vec<DVector<f64>> = gradients
         .iter()
         .map(|g| g.rows(nuisances, columns.len()) - by_nuisance.transpose() * g.rows(0, nuisances))
         .collect();
+    let strain = by_nuisance.transpose() * linear.strain();
     let mut candidates: Vec<Candidate> = columns.iter().map(|column| column.candidate).collect();
     candidates.dedup();
     let suggested = |c: Candidate| {
@@ -101,7 +96,7 @@ pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) ->
         ranked: Vec::new(),
         suggested: candidates.into_iter().filter_map(suggested).collect(),
         alone: s_cc.diagonal().iter().copied().collect(),
-        pull,
+        strain,
         columns,
         scores,
         information,

@@ -33,7 +33,7 @@ pub struct Screened {
     pub t2: f64,
     /// The share of its information that the constants already free span: near 1 for what they can imitate.
     pub spanned: f64,
-    /// Gain that the linearisation promises when what the free constants are stretched by counts as well, nats.
+    /// By how much less it promises to stretch the tolerances of the free constants, nats; never more than they are stretched by.
     pub relief: f64,
     /// The step that gives it, where there is one.
     pub relieving: Option<Relieving>,
@@ -71,9 +71,8 @@ pub struct Screen {
     information: DMatrix<f64>,
     /// Information of each column by itself.
     alone: Vec<f64>,
-    /// Score of each column by itself. At the fit the pull of the data on the free constants is that of their priors, so this is the
-    /// efficient score when the priors count.
-    pull: Vec<f64>,
+    /// What the priors of the free constants add to the efficient score of each column: S_cn S_nn⁻¹ P (θ − θ₀), P their weights.
+    strain: DVector<f64>,
     /// How the free constants follow a step of each column, with the opposite sign: S_nn⁻¹ S_nc.
     by_nuisance: DMatrix<f64>,
 }
@@ -99,7 +98,8 @@ impl Screen {
             if !(d > 0.0 && squares > 0.0) {
                 continue;
             }
-            let step = self.pull[k] / d;
+            let strain = self.strain[k];
+            let step = (b + strain) / d;
             let taken = match column.candidate.kind.starts_at_probes() {
                 true => 1.0,
                 false => step,
@@ -131,7 +131,7 @@ impl Screen {
                 gain: 0.5 * score * score / d,
                 t2: score * score / squares,
                 spanned: 1.0 - d / self.alone[k],
-                relief: 0.5 * self.pull[k].powi(2) / d,
+                relief: 0.5 * strain * strain / d,
                 relieving,
             };
             let Some(known) = best.iter_mut().find(|s| s.candidate == column.candidate) else {

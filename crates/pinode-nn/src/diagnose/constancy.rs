@@ -1,0 +1,126 @@
+//! Whether the constants of a fit stay the same over the log.
+//!
+//! Window w pulls constant k of the fit by p_w, and Σ p_w = 0 at the optimum. Where the constant is the same all the time the sums over
+//! the first m windows wander at random, |Σ_{w ≤ m} p_w| / √(Σ p_w²) like a Brownian bridge, beyond x with the probability 2 exp(−2 x²).
+//! Where it changes they run away and come back. (Nyblom, J. Am. Stat. Assoc. 84, 1989; Hjort and Koning, J. Nonparametric Stat. 14, 2002.)
+
+use super::search::Search;
+use super::study::Study;
+use super::verdict::Change;
+use crate::shooting::Fit;
+
+/// The largest sum counts from here on: one constant in fifteen hundred by chance.
+const RUNS_AWAY: f64 = 2.0;
+/// A change of less than this part of the value is no news.
+const WORTH_TELLING: f64 = 0.1;
+/// Fewer windows than this say nothing.
+const FEWEST: usize = 16;
+
+/// The constant of the found model that changes most clearly over the windows it was fitted to, if one does.
+pub fn change(study: &Study, search: &Search, inputs: &[String]) -> Option<Change> {
+    let (fit, hybrid) = (&search.model.inside, &search.model.hybrid);
+    let windows = &study.windows.fit;
+    let pulls = pulls(fit, windows.len());
+    let shift = |k: usize| {
+        let index = fit.free[k];
+        let series: Vec<f64> = pulls
+            .iter()
+            .map(|p| p.as_ref().map_or(0.0, |p| p[k]))
+            .collect();
+        let (statistic, last, sum) = furthest(&series)?;
+        let (count, first) = (series.len() as f64, (last + 1) as f64);
+        let value = fit.theta[index];
+        let (before, after) = (
+            value + sum * count / first,
+            value - sum * count / (count - first),
+        );
+        let tolerance = hybrid.constants()[index].tolerance;
+        let known = if tolerance.is_finite() {
+            tolerance
+        } else {
+            0.0
+        };
+        let tells = (before - after).abs() > known.max(WORTH_TELLING * value.abs());
+        (statistic > RUNS_AWAY && tells).then(|| {
+            let window = windows[last];
+            let run = &study.observations.runs[window.run];
+            let end = (window.first + window.count)
+                .min(run.t.len())
+                .saturating_sub(1);
+            Change {
+                name: hybrid.describe(index, inputs),
+                statistic,
+                run: window.run,
+                t: run.t.get(end).copied().unwrap_or(f64::NAN),
+                before,
+                after,
+            }
+        })
+    };
+    let found = (0..fit.free.len()).filter_map(shift);
+    found.max_by(|a, b| a.statistic.total_cmp(&b.statistic))
+}
+
+/// What each window pulls each free constant by, I⁻¹ g_w; nothing where its equations failed.
+fn pulls(fit: &Fit, windows: usize) -> Vec<Option<nalgebra::DVector<f64>>> {
+    let Some(factor) = fit.information.clone().cholesky() else {
+        return Vec::new();
+    };
+    let of_windows = fit.gradients.iter().take(windows);
+    of_windows
+        .map(|g| g.as_ref().map(|g| factor.solve(g)))
+        .collect()
+}
+
+/// The largest of the sums of a series less its mean, over the root of its squares; where it ends, and the sum itself.
+fn furthest(series: &[f64]) -> Option<(f64, usize, f64)> {
+    let count = series.len();
+    if count < FEWEST || series.iter().any(|x| !x.is_finite()) {
+        return None;
+    }
+    let mean = series.iter().sum::<f64>() / count as f64;
+    let size = series
+        .iter()
+        .map(|x| (x - mean).powi(2))
+        .sum::<f64>()
+        .sqrt();
+    let mut sum = 0.0;
+    let sums = series[..count - 1].iter().enumerate().map(|(w, x)| {
+        sum += x - mean;
+        (w, sum)
+    });
+    let (last, sum) = sums.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
+    (size > 0.0).then(|| (sum.abs() / size, last, sum))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers between −1 and 1 that look like chance.
+    fn noise(i: usize) -> f64 {
+        let x = (i as f64 * 12.9898 + 4.1).sin() * 43758.5453;
+        2.0 * (x - x.floor()) - 1.0
+    }
+
+    #[test]
+    fn a_series_that_steps_half_way_runs_away_there_and_noise_does_not() {
+        let still: Vec<f64> = (0..80).map(noise).collect();
+        let (at_rest, ..) = furthest(&still).unwrap();
+        assert!(at_rest < 1.4, "{at_rest}");
+        let step = |i: usize| if i < 40 { 1.0 } else { -1.0 };
+        let stepped: Vec<f64> = (0..80).map(|i| noise(i) + step(i)).collect();
+        let (statistic, last, sum) = furthest(&stepped).unwrap();
+        assert!(statistic > RUNS_AWAY, "{statistic}");
+        assert!(last.abs_diff(39) <= 2, "{last}");
+        // The step from 1 to −1 about the mean comes back.
+        assert!((sum * 80.0 / 40.0 - 40.0 * 2.0).abs() < 20.0, "{sum}");
+    }
+
+    #[test]
+    fn few_windows_and_numbers_that_are_none_say_nothing() {
+        assert!(furthest(&[1.0; 8]).is_none());
+        assert!(furthest(&[f64::NAN; 80]).is_none());
+        assert!(furthest(&[1.0; 80]).is_none());
+    }
+}
