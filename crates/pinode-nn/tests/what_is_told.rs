@@ -1,0 +1,150 @@
+//! What a diagnosis tells of logs that no constant law explains, or that hold a mistake of who recorded them. The logs come from an
+//! integrator of their own here, of a pendulum's closed form.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::path::{Path, PathBuf};
+
+use pinode_nn::diagnose::diagnose;
+use pinode_nn::diagnose::verdict::{Diagnosis, Verdict};
+use pinode_nn::log::{Log, Run};
+use pinode_nn::model::Model;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+const NOISE: f64 = 1e-3;
+/// m l², m g l, and the viscous friction that the model knows of.
+const INERTIA: f64 = 0.05;
+const WEIGHT: f64 = 0.981;
+const VISCOUS: f64 = 0.01;
+
+fn model(fixed: bool) -> Model {
+    let text = format!(
+        "name = \"pendulum\"\n\
+         lagrangian = {{ coordinates = [\"phi\"], angles = [\"phi\"], kinetic = \"0.5*{INERTIA}*phi_dot^2\", potential = \"-{WEIGHT}*cos(phi)\" }}\n\
+         [[input]]\nname = \"motor\"\njoint = \"phi\"\n\
+         [[effect]]\nkind = \"viscous_friction\"\njoint = \"phi\"\ncoefficient = {VISCOUS}\nfixed = {fixed}\n\
+         [sensor.phi]\nposition_noise = {NOISE:e}\nvelocity = \"none\"\n"
+    );
+    Model::parse(Path::new("pendulum.toml"), text).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// A torque of four sines, N·m.
+fn torque(t: f64) -> f64 {
+    0.35 * (1.3 * t).sin()
+        + 0.3 * (2.9 * t + 1.0).sin()
+        + 0.25 * (4.7 * t + 2.0).sin()
+        + 0.2 * (7.1 * t + 0.5).sin()
+}
+
+/// 60 s at 50 Hz of I φ̈ = −m g l sin φ − d φ̇ + τ, τ held from sample to sample, by `law`(t, φ̇, u) = τ − d φ̇.
+fn log(seed: u64, law: impl Fn(f64, f64, f64) -> f64) -> Log {
+    const SUBSTEPS: usize = 20;
+    let mut noise = ChaCha8Rng::seed_from_u64(seed);
+    let mut noise = || -> f64 { StandardNormal.sample(&mut noise) };
+    let t: Vec<f64> = (0..3000).map(|k| 0.02 * f64::from(k)).collect();
+    let u: Vec<f64> = t.iter().map(|&t| torque(t)).collect();
+    let h = 0.02 / SUBSTEPS as f64;
+    let mut x = [0.2, 0.0];
+    let mut q = Vec::new();
+    for (&start, &u) in t.iter().zip(&u) {
+        q.push(x[0] + NOISE * noise());
+        for k in 0..SUBSTEPS {
+            let now = start + h * k as f64;
+            let slope =
+                |x: [f64; 2], t: f64| [x[1], (law(t, x[1], u) - WEIGHT * x[0].sin()) / INERTIA];
+            let ahead = |by: f64, k: [f64; 2]| [x[0] + by * k[0], x[1] + by * k[1]];
+            let a = slope(x, now);
+            let b = slope(ahead(0.5 * h, a), now + 0.5 * h);
+            let c = slope(ahead(0.5 * h, b), now + 0.5 * h);
+            let d = slope(ahead(h, c), now + h);
+            x = [0, 1].map(|i| x[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]));
+        }
+    }
+    Log {
+        path: PathBuf::from("log.csv"),
+        sha256: String::new(),
+        runs: vec![Run {
+            id: "0".into(),
+            t,
+            q: vec![q],
+            v: vec![None],
+            u: vec![u],
+        }],
+        warnings: Vec::new(),
+    }
+}
+
+fn diagnosed(model: &Model, log: Log) -> Diagnosis {
+    let dir = tempfile::tempdir().unwrap();
+    diagnose(model, &[log], &[], dir.path(), 0, &|_| ())
+        .unwrap_or_else(|e| panic!("{e}"))
+        .diagnosis
+}
+
+fn advises(diagnosis: &Diagnosis, words: &str) -> bool {
+    diagnosis.advice.iter().any(|a| a.contains(words))
+}
+
+#[test]
+fn an_input_of_the_wrong_sign_is_said_to_be_reversed() {
+    let found = diagnosed(&model(false), log(1, |_, v, u| -u - VISCOUS * v));
+    let [effect] = found.effects.as_slice() else {
+        panic!("{:?}", found.effects);
+    };
+    assert_eq!(effect.kind, "input_gain_error");
+    let gain = effect.parameters["gain"].value;
+    assert!((gain + 2.0).abs() < 0.03, "{gain}");
+    assert!(advises(&found, "the other way round"), "{:?}", found.advice);
+    assert!(found.gap.after < 3.0, "{:?}", found.gap);
+}
+
+#[test]
+fn a_motor_that_weakens_is_said_to_change_with_time() {
+    let weaker = |t: f64| 1.0 - 0.3 * t / 60.0;
+    let found = diagnosed(&model(true), log(2, |t, v, u| weaker(t) * u - VISCOUS * v));
+    let change = found
+        .change
+        .as_ref()
+        .unwrap_or_else(|| panic!("{:?}", found.advice));
+    assert!(change.name.contains("gain"), "{change:?}");
+    // It weakens: the gain error, or the gain, is higher before than after, by half of what it loses over the fitted 45 s.
+    let loss = change.before - change.after;
+    assert!((0.06..0.2).contains(&loss), "{change:?}");
+    assert!((10.0..35.0).contains(&change.t), "{change:?}");
+    assert!(
+        advises(&found, "not one number over the log"),
+        "{:?}",
+        found.advice
+    );
+}
+
+#[test]
+fn what_stays_the_same_is_not_said_to_change() {
+    let found = diagnosed(&model(false), log(3, |_, v, u| 0.8 * u - VISCOUS * v));
+    assert_eq!(found.change, None);
+    assert_eq!(found.verdict, Verdict::EffectsFound);
+}
+
+#[test]
+fn friction_that_warms_up_does_not_end_with_nothing_missing() {
+    // The model's own friction moves to the mean of it, which serves the last quarter worse than what was given.
+    let extra = |t: f64| 0.04 * (-t / 15.0).exp();
+    let found = diagnosed(
+        &model(false),
+        log(4, |t, v, u| u - (VISCOUS + extra(t)) * v),
+    );
+    assert_ne!(found.verdict, Verdict::NothingMissing, "{:?}", found.gap);
+    assert!(!found.advice.is_empty());
+}
+
+#[test]
+fn known_friction_that_moves_far_is_said() {
+    let found = diagnosed(&model(false), log(5, |_, v, u| u - 0.03 * v));
+    assert_eq!(found.verdict, Verdict::NothingMissing);
+    assert!(
+        advises(&found, "without `fixed = true`"),
+        "{:?}",
+        found.advice
+    );
+}
