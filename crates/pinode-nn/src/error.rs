@@ -47,6 +47,17 @@ pub enum Error {
         /// How many of each are needed.
         needed: (usize, usize),
     },
+    /// Samples are too far apart for the windows of a fit.
+    #[error(
+        "the log has a sample every {interval:.3} s, and the motion needs windows of {window:.3} s with three intervals at least: is `t` in \
+         seconds? Else sample faster"
+    )]
+    TooCoarse {
+        /// Between samples, s.
+        interval: f64,
+        /// Length of a window, s.
+        window: f64,
+    },
     /// The model as given cannot be simulated over the log.
     #[error(
         "the model as given diverges in {diverged} of {windows} windows of the log: check units, signs and the order of columns \

@@ -82,6 +82,17 @@ fn diagnosed(model: &Model, log: Log) -> Diagnosis {
         .diagnosis
 }
 
+#[test]
+fn milliseconds_for_seconds_are_refused() {
+    let mut log = log(6, |_, v, u| u - VISCOUS * v);
+    log.runs[0].t.iter_mut().for_each(|t| *t *= 1000.0);
+    let dir = tempfile::tempdir().unwrap();
+    let outcome = diagnose(&model(false), &[log], &[], dir.path(), 0, &|_| ());
+    let error = outcome.err().unwrap();
+    assert!(error.to_string().contains("is `t` in seconds?"), "{error}");
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+}
+
 fn advises(diagnosis: &Diagnosis, words: &str) -> bool {
     diagnosis.advice.iter().any(|a| a.contains(words))
 }

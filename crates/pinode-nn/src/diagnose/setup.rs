@@ -17,6 +17,8 @@ use crate::shooting::{Observations, Window, Windows};
 
 /// Length of a window, s, unless the motion is fast: then five of its periods.
 pub const WINDOW_S: f64 = 0.6;
+/// A window of fewer intervals between samples shows no motion.
+const FEWEST_INTERVALS: f64 = 3.0;
 /// At least so many windows are needed on the seen side, and half as many on the other.
 pub const FEWEST_WINDOWS: usize = 8;
 /// More windows than this are not fitted, and a third as many not held out: those taken are spread evenly over the log.
@@ -58,6 +60,10 @@ pub fn prepare(
         .map(|c| dominant_frequency(&observations, c))
         .fold(0.0, f64::max);
     let window = WINDOW_S.min(5.0 / frequency);
+    let interval = observations.typical_interval();
+    if window < FEWEST_INTERVALS * interval {
+        return Err(Error::TooCoarse { interval, window });
+    }
     let half_width = 0.06_f64.min(0.15 / frequency);
     // Samples much closer than the motion needs cost time and say little more: their errors are the model's, not the sensor's. Means of
     // an input that is smooth between its samples are no samples of it.
