@@ -19,14 +19,21 @@ const WEIGHT: f64 = 0.981;
 const VISCOUS: f64 = 0.01;
 
 fn model(fixed: bool) -> Model {
-    let text = format!(
+    parsed(&text(fixed))
+}
+
+fn parsed(text: &str) -> Model {
+    Model::parse(Path::new("pendulum.toml"), text.to_owned()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn text(fixed: bool) -> String {
+    format!(
         "name = \"pendulum\"\n\
          lagrangian = {{ coordinates = [\"phi\"], angles = [\"phi\"], kinetic = \"0.5*{INERTIA}*phi_dot^2\", potential = \"-{WEIGHT}*cos(phi)\" }}\n\
          [[input]]\nname = \"motor\"\njoint = \"phi\"\n\
          [[effect]]\nkind = \"viscous_friction\"\njoint = \"phi\"\ncoefficient = {VISCOUS}\nfixed = {fixed}\n\
          [sensor.phi]\nposition_noise = {NOISE:e}\nvelocity = \"none\"\n"
-    );
-    Model::parse(Path::new("pendulum.toml"), text).unwrap_or_else(|e| panic!("{e}"))
+    )
 }
 
 /// A torque of four sines, N·m.
@@ -37,8 +44,8 @@ fn torque(t: f64) -> f64 {
         + 0.2 * (7.1 * t + 0.5).sin()
 }
 
-/// 60 s at 50 Hz of I φ̈ = −m g l sin φ − d φ̇ + τ, τ held from sample to sample, by `law`(t, φ̇, u) = τ − d φ̇.
-fn log(seed: u64, law: impl Fn(f64, f64, f64) -> f64) -> Log {
+/// 60 s at 50 Hz of I φ̈ = −m g l sin φ − d φ̇ + τ, τ held from sample to sample, by `law`(t, [φ, φ̇], u) = τ − d φ̇.
+fn log(seed: u64, law: impl Fn(f64, [f64; 2], f64) -> f64) -> Log {
     const SUBSTEPS: usize = 20;
     let mut noise = ChaCha8Rng::seed_from_u64(seed);
     let mut noise = || -> f64 { StandardNormal.sample(&mut noise) };
@@ -52,7 +59,7 @@ fn log(seed: u64, law: impl Fn(f64, f64, f64) -> f64) -> Log {
         for k in 0..SUBSTEPS {
             let now = start + h * k as f64;
             let slope =
-                |x: [f64; 2], t: f64| [x[1], (law(t, x[1], u) - WEIGHT * x[0].sin()) / INERTIA];
+                |x: [f64; 2], t: f64| [x[1], (law(t, x, u) - WEIGHT * x[0].sin()) / INERTIA];
             let ahead = |by: f64, k: [f64; 2]| [x[0] + by * k[0], x[1] + by * k[1]];
             let a = slope(x, now);
             let b = slope(ahead(0.5 * h, a), now + 0.5 * h);
@@ -84,7 +91,7 @@ fn diagnosed(model: &Model, log: Log) -> Diagnosis {
 
 #[test]
 fn milliseconds_for_seconds_are_refused() {
-    let mut log = log(6, |_, v, u| u - VISCOUS * v);
+    let mut log = log(6, |_, [_, v], u| u - VISCOUS * v);
     log.runs[0].t.iter_mut().for_each(|t| *t *= 1000.0);
     let dir = tempfile::tempdir().unwrap();
     let outcome = diagnose(&model(false), &[log], &[], dir.path(), 0, &|_| ());
@@ -99,7 +106,7 @@ fn advises(diagnosis: &Diagnosis, words: &str) -> bool {
 
 #[test]
 fn an_input_of_the_wrong_sign_is_said_to_be_reversed() {
-    let found = diagnosed(&model(false), log(1, |_, v, u| -u - VISCOUS * v));
+    let found = diagnosed(&model(false), log(1, |_, [_, v], u| -u - VISCOUS * v));
     let [effect] = found.effects.as_slice() else {
         panic!("{:?}", found.effects);
     };
@@ -113,7 +120,10 @@ fn an_input_of_the_wrong_sign_is_said_to_be_reversed() {
 #[test]
 fn a_motor_that_weakens_is_said_to_change_with_time() {
     let weaker = |t: f64| 1.0 - 0.3 * t / 60.0;
-    let found = diagnosed(&model(true), log(2, |t, v, u| weaker(t) * u - VISCOUS * v));
+    let found = diagnosed(
+        &model(true),
+        log(2, |t, [_, v], u| weaker(t) * u - VISCOUS * v),
+    );
     let change = found
         .change
         .as_ref()
@@ -132,7 +142,7 @@ fn a_motor_that_weakens_is_said_to_change_with_time() {
 
 #[test]
 fn what_stays_the_same_is_not_said_to_change() {
-    let found = diagnosed(&model(false), log(3, |_, v, u| 0.8 * u - VISCOUS * v));
+    let found = diagnosed(&model(false), log(3, |_, [_, v], u| 0.8 * u - VISCOUS * v));
     assert_eq!(found.change, None);
     assert_eq!(found.verdict, Verdict::EffectsFound);
 }
@@ -143,19 +153,48 @@ fn friction_that_warms_up_does_not_end_with_nothing_missing() {
     let extra = |t: f64| 0.04 * (-t / 15.0).exp();
     let found = diagnosed(
         &model(false),
-        log(4, |t, v, u| u - (VISCOUS + extra(t)) * v),
+        log(4, |t, [_, v], u| u - (VISCOUS + extra(t)) * v),
     );
     assert_ne!(found.verdict, Verdict::NothingMissing, "{:?}", found.gap);
-    assert!(!found.advice.is_empty());
+    assert!(
+        advises(&found, "free runs over data that no fit has seen"),
+        "{:?}",
+        found.advice
+    );
 }
 
 #[test]
 fn known_friction_that_moves_far_is_said() {
-    let found = diagnosed(&model(false), log(5, |_, v, u| u - 0.03 * v));
+    let found = diagnosed(&model(false), log(5, |_, [_, v], u| u - 0.03 * v));
     assert_eq!(found.verdict, Verdict::NothingMissing);
     assert!(
         advises(&found, "without `fixed = true`"),
         "{:?}",
         found.advice
+    );
+}
+
+#[test]
+fn a_stop_that_gives_for_a_sixth_of_a_second_is_a_stop() {
+    // π √(m l²/k) = 0.172 s
+    let (place, stiffness) = (0.1, 16.7);
+    let pushes = |q: f64| -stiffness * (q - place).max(0.0);
+    // What goes round has no ends: here it does not, by a motor of 0.4 times the torque.
+    let swings = text(false)
+        .replace(" angles = [\"phi\"],", "")
+        .replace("name = \"motor\"", "name = \"motor\"\ngain = 0.4");
+    let found = diagnosed(
+        &parsed(&swings),
+        log(7, |_, [q, v], u| 0.4 * u - VISCOUS * v + pushes(q)),
+    );
+    let [stop] = found.effects.as_slice() else {
+        panic!("{:?}", found.effects);
+    };
+    assert_eq!(stop.kind, "end_stop");
+    let value = |name: &str| stop.parameters[name].value;
+    assert!((value("upper") - place).abs() < 2e-3, "{stop:?}");
+    assert!(
+        (value("stiffness") / stiffness - 1.0).abs() < 0.02,
+        "{stop:?}"
     );
 }

@@ -1,13 +1,13 @@
 //! Whether the constants of a fit stay the same over the log.
 //!
-//! Window w pulls constant k of the fit by p_w, and Σ p_w = 0 at the optimum. Where the constant is the same all the time the sums over
+//! Window w moves constant k of the fit by p_w ([`Fit::influences`](crate::shooting::Fit::influences)), and all together by nothing. Where the constant is the same all the time the sums over
 //! the first m windows wander at random, |Σ_{w ≤ m} p_w| / √(Σ p_w²) like a Brownian bridge, beyond x with the probability 2 exp(−2 x²).
 //! Where it changes they run away and come back. (Nyblom, J. Am. Stat. Assoc. 84, 1989; Hjort and Koning, J. Nonparametric Stat. 14, 2002.)
 
 use super::search::Search;
 use super::study::Study;
 use super::verdict::Change;
-use crate::shooting::Fit;
+use crate::hybrid::ConstantId;
 
 /// The largest sum counts from here on: one constant in fifteen hundred by chance.
 const RUNS_AWAY: f64 = 2.0;
@@ -20,13 +20,14 @@ const FEWEST: usize = 16;
 pub fn change(study: &Study, search: &Search, inputs: &[String]) -> Option<Change> {
     let (fit, hybrid) = (&search.model.inside, &search.model.hybrid);
     let windows = &study.windows.fit;
-    let pulls = pulls(fit, windows.len());
+    let influences = fit.influences(windows.len());
     let shift = |k: usize| {
         let index = fit.free[k];
-        let series: Vec<f64> = pulls
-            .iter()
-            .map(|p| p.as_ref().map_or(0.0, |p| p[k]))
-            .collect();
+        let constant = &hybrid.constants()[index];
+        if matches!(constant.id, ConstantId::Network(..)) {
+            return None;
+        }
+        let series: Vec<f64> = influences.iter().map(|p| p[k]).collect();
         let (statistic, last, sum) = furthest(&series)?;
         let (count, first) = (series.len() as f64, (last + 1) as f64);
         let value = fit.theta[index];
@@ -34,11 +35,9 @@ pub fn change(study: &Study, search: &Search, inputs: &[String]) -> Option<Chang
             value + sum * count / first,
             value - sum * count / (count - first),
         );
-        let tolerance = hybrid.constants()[index].tolerance;
-        let known = if tolerance.is_finite() {
-            tolerance
-        } else {
-            0.0
+        let known = match constant.tolerance.is_finite() {
+            true => constant.tolerance,
+            false => 0.0,
         };
         let tells = (before - after).abs() > known.max(WORTH_TELLING * value.abs());
         (statistic > RUNS_AWAY && tells).then(|| {
@@ -59,17 +58,6 @@ pub fn change(study: &Study, search: &Search, inputs: &[String]) -> Option<Chang
     };
     let found = (0..fit.free.len()).filter_map(shift);
     found.max_by(|a, b| a.statistic.total_cmp(&b.statistic))
-}
-
-/// What each window pulls each free constant by, I⁻¹ g_w; nothing where its equations failed.
-fn pulls(fit: &Fit, windows: usize) -> Vec<Option<nalgebra::DVector<f64>>> {
-    let Some(factor) = fit.information.clone().cholesky() else {
-        return Vec::new();
-    };
-    let of_windows = fit.gradients.iter().take(windows);
-    of_windows
-        .map(|g| g.as_ref().map(|g| factor.solve(g)))
-        .collect()
 }
 
 /// The largest of the sums of a series less its mean, over the root of its squares; where it ends, and the sum itself.

@@ -167,13 +167,11 @@ impl<'a> Linearisation<'a> {
     /// P (θ − θ₀) of the free constants: how hard their tolerances pull them back.
     pub fn strain(&self) -> DVector<f64> {
         let (fit, constants) = (&self.fitted.inside, self.fitted.hybrid.constants());
-        let pulls = fit.free.iter().map(|&i| {
-            let constant = &constants[i];
-            match constant.tolerance.is_finite() {
-                true => (fit.theta[i] - constant.value) / constant.tolerance.powi(2),
-                false => 0.0,
-            }
-        });
+        // Without a tolerance the weight is 0.
+        let pulls = fit
+            .free
+            .iter()
+            .map(|&i| (fit.theta[i] - constants[i].value) * constants[i].tolerance.powi(-2));
         DVector::from_iterator(fit.free.len(), pulls)
     }
 

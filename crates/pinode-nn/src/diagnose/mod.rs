@@ -200,7 +200,12 @@ pub(crate) fn diagnose_into(
     let contradicted = search.found.is_empty() && !at_fault && misfit::is_contradicted(&proved.gap);
     let something_is_left =
         search.left.is_some() || misfit::is_unexplained(study, &search.model) || contradicted;
-    let verdict = if !search.found.is_empty() && search.explains_most() {
+    let believed = search
+        .found
+        .iter()
+        .any(|f| f.confidence >= verdict::DOUBTFUL);
+    let is_named = !search.found.is_empty() && (believed || !something_is_left);
+    let verdict = if is_named && search.explains_most() {
         Verdict::EffectsFound
     } else if something_is_left {
         Verdict::Unexplained

@@ -40,6 +40,9 @@ pub struct Diagnosis {
     pub provenance: Provenance,
 }
 
+/// A name with less confidence than this is no finding where something is left.
+pub const DOUBTFUL: f64 = 0.05;
+
 /// The verdict.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -485,7 +488,8 @@ pub struct FittedConstant {
     pub fitted: f64,
     /// Standard error; `null` when neither data nor tolerance determine it.
     pub std: Option<f64>,
-    /// What the model takes for possible, as a standard deviation about the given value, in the constant's unit.
+    /// What the model takes for possible, as a standard deviation about the given value, in the constant's unit; infinite, `null` in JSON,
+    /// where it gives none.
     pub tolerance: f64,
 }
 

@@ -571,6 +571,7 @@ fn every_verdict_is_a_sentence() {
     assert!(!verdict_in_words(&d).contains("That is not all"));
     // What nobody can believe is no headline.
     d.effects.iter_mut().for_each(|e| e.confidence = 0.01);
+    d.verdict = Verdict::Unexplained;
     assert!(verdict_in_words(&d).starts_with(
         "Something is missing on `slider` that no effect in the library explains; what was added stands in for part of it at best"
     ));

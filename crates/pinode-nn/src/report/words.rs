@@ -1,7 +1,7 @@
 //! Numbers and verdicts as people say them.
 
 use crate::diagnose::audit::contradicts;
-use crate::diagnose::verdict::{Diagnosis, Gap, NamedEffect, ParameterValue, Verdict};
+use crate::diagnose::verdict::{DOUBTFUL, Diagnosis, Gap, NamedEffect, ParameterValue, Verdict};
 use crate::digits::{exponent, fixed, is_plain};
 pub use crate::digits::{number, short, uncertain};
 
@@ -59,7 +59,6 @@ pub fn percent(share: f64) -> String {
 /// The verdict in plain sentences.
 pub fn verdict(diagnosis: &Diagnosis) -> String {
     let said = match diagnosis.verdict {
-        Verdict::EffectsFound if is_doubtful(diagnosis) => unexplained(diagnosis),
         Verdict::EffectsFound => format!("{}.{}", missing(&diagnosis.effects), more(diagnosis)),
         Verdict::NothingMissing => format!(
             "Nothing is missing: the model explains the data{}.",
@@ -72,11 +71,6 @@ pub fn verdict(diagnosis: &Diagnosis) -> String {
         Some(gap) => format!("{said} {gap}"),
         None => said,
     }
-}
-
-/// Whether all that was found is beyond belief, and something is left.
-fn is_doubtful(diagnosis: &Diagnosis) -> bool {
-    diagnosis.unexplained.is_some() && diagnosis.effects.iter().all(|e| e.confidence < DOUBTFUL)
 }
 
 /// Which constants had to move for it to explain the data.
@@ -107,9 +101,6 @@ fn more(diagnosis: &Diagnosis) -> String {
         },
     }
 }
-
-/// A name with less confidence than this is no finding.
-const DOUBTFUL: f64 = 0.05;
 
 /// Effects with their places and confidences.
 fn named(effects: &[NamedEffect]) -> String {

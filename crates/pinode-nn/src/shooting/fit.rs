@@ -53,15 +53,10 @@ impl Fit {
     /// among them; at least the nominal I⁻¹. A constant that the data do not move has an infinite one, or its prior's.
     pub fn standard_errors(&self) -> Vec<f64> {
         let mut errors = vec![f64::INFINITY; self.free.len()];
-        let moving: Vec<usize> = (0..errors.len())
-            .filter(|&k| self.information[(k, k)] > 1e-300)
-            .collect();
-        let n = moving.len();
-        let entry = |i: usize, j: usize| self.information[(moving[i], moving[j])];
-        let information = DMatrix::from_fn(n, n, entry);
-        let Some(inverse) = Cholesky::new(information).map(|c| c.inverse()) else {
+        let Some((moving, inverse)) = self.inverse() else {
             return errors;
         };
+        let n = moving.len();
         let mut meat = DMatrix::zeros(n, n);
         for g in self.gradients.iter().flatten() {
             let g = DVector::from_fn(n, |i, _| g[moving[i]]);
@@ -72,6 +67,37 @@ impl Fit {
             errors[k] = sandwich[(i, i)].max(inverse[(i, i)]).sqrt();
         }
         errors
+    }
+
+    /// By how much each of the first `windows` windows moves θ_free, I⁻¹ g̃ of [`standard_errors`](Self::standard_errors): 0 where its equations
+    /// failed, and of a constant that moves nothing. Empty where the information cannot be inverted.
+    pub fn influences(&self, windows: usize) -> Vec<DVector<f64>> {
+        let Some((moving, inverse)) = self.inverse() else {
+            return Vec::new();
+        };
+        let of_window = |g: &Option<DVector<f64>>| {
+            let mut moved = DVector::zeros(self.free.len());
+            if let Some(g) = g {
+                let g = DVector::from_fn(moving.len(), |i, _| g[moving[i]]);
+                let by = &inverse * g;
+                for (&k, by) in moving.iter().zip(by.iter()) {
+                    moved[k] = *by;
+                }
+            }
+            moved
+        };
+        self.gradients.iter().take(windows).map(of_window).collect()
+    }
+
+    /// The entries of θ_free that move something, and the inverse of the information on them.
+    fn inverse(&self) -> Option<(Vec<usize>, DMatrix<f64>)> {
+        let moving: Vec<usize> = (0..self.free.len())
+            .filter(|&k| self.information[(k, k)] > 1e-300)
+            .collect();
+        let n = moving.len();
+        let entry = |i: usize, j: usize| self.information[(moving[i], moving[j])];
+        let inverse = Cholesky::new(DMatrix::from_fn(n, n, entry))?.inverse();
+        Some((moving, inverse))
     }
 }
 
