@@ -198,3 +198,64 @@ fn a_stop_that_gives_for_a_sixth_of_a_second_is_a_stop() {
         "{stop:?}"
     );
 }
+
+const FORCE: f64 = 0.2;
+
+/// A log of a pendulum with friction of one force, driven by a motor of so many times the torque.
+fn rubbing(gain: f64, seed: u64) -> Diagnosis {
+    let rubs = |q: f64, v: f64, u: f64| {
+        // What would stop it within a few of the integrator's steps, of 1 ms, or hold it where it is.
+        let stops = INERTIA * v / 4e-3 + u - WEIGHT * q.sin();
+        -stops.clamp(-FORCE, FORCE)
+    };
+    let motor = format!("name = \"motor\"\ngain = {gain}");
+    let driven = text(true).replace("name = \"motor\"", &motor);
+    let law = |_, [q, v]: [f64; 2], u: f64| gain * u - VISCOUS * v + rubs(q, v, gain * u);
+    diagnosed(&parsed(&driven), log(seed, law))
+}
+
+fn is_coulomb_friction(found: &Diagnosis, within: f64) {
+    let [effect] = found.effects.as_slice() else {
+        panic!("{:?}", found.effects);
+    };
+    assert_eq!(effect.kind, "coulomb_friction", "{effect:?}");
+    let force = effect.parameters["force"].value;
+    assert!((force / FORCE - 1.0).abs() < within, "{force}");
+}
+
+/// The steps and the smoothed friction of a search are too coarse for a pendulum that sticks now and then, and what they miss looks like a force that is
+/// larger at low speed, or another one elsewhere.
+#[test]
+fn friction_that_sticks_is_not_called_a_law_with_more_constants() {
+    let found = rubbing(0.35, 16);
+    is_coulomb_friction(&found, 0.01);
+    assert!(found.gap.after < 1.5, "{:?}", found.gap);
+}
+
+/// Most of the time the motor does not move the pendulum at all. A model without friction swings where it rests, so that no linearisation shows friction:
+/// what the motor does while it rests does.
+#[test]
+fn friction_that_hardly_ever_slips_is_friction_and_no_inertia() {
+    let found = rubbing(0.25, 12);
+    is_coulomb_friction(&found, 0.03);
+    assert!(found.gap.after < 1.5, "{:?}", found.gap);
+}
+
+#[test]
+fn friction_that_halves_half_way_is_said_to_change() {
+    let found = diagnosed(
+        &model(true),
+        log(3, |t, [q, v], u| {
+            let force = if t < 30.0 { 0.08 } else { 0.04 };
+            let stops = INERTIA * v / 4e-3 + u - WEIGHT * q.sin();
+            u - VISCOUS * v - stops.clamp(-force, force)
+        }),
+    );
+    let change = found
+        .change
+        .as_ref()
+        .unwrap_or_else(|| panic!("{:?}", found.effects));
+    assert!(change.name.contains("friction"), "{change:?}");
+    assert!(change.before > change.after, "{change:?}");
+    assert!((20.0..40.0).contains(&change.t), "{change:?}");
+}

@@ -63,6 +63,11 @@ impl Candidate {
         all
     }
 
+    /// Whether another is a special case of it.
+    pub fn contains(&self, other: &Candidate) -> bool {
+        other.target == self.target && self.kind.contains.contains(&other.kind.name)
+    }
+
     /// The effect of `hybrid` that this candidate would take the place of.
     pub fn replaces(&self, hybrid: &Hybrid) -> Option<usize> {
         hybrid.effects().iter().position(|placed| {

@@ -56,7 +56,7 @@ pub fn position(fitted: &Fitted, candidate: &Candidate) -> Option<usize> {
 }
 
 /// The model fitted anew without one of its effects. A known effect whose place it had taken comes back.
-fn without(study: &Study, null: &Fitted, current: &Fitted, index: usize) -> Fitted {
+pub fn without(study: &Study, null: &Fitted, current: &Fitted, index: usize) -> Fitted {
     let (hybrid, theta) = stripped(null, current, index);
     study.fit(hybrid, current.start(theta), 1, 10)
 }
@@ -158,7 +158,7 @@ pub fn revisit(
             let mut rivals = rivals(study, current, &reduced, added, k);
             rank(&mut rivals, seed);
             let own = rivals.iter().position(|r| r.added[0] == added[k]);
-            let simple = own.and_then(|own| simpler(&rivals, own));
+            let simple = own.and_then(|own| simpler(&rivals, own, own));
             // What takes its place leaves the others what they are called, or takes theirs as well.
             let others_stay = |rival: &Contender| {
                 let mut others = added.iter().enumerate().filter(|(other, _)| *other != k);
@@ -250,8 +250,7 @@ fn weigh(
         };
         // A kind that contains the found one always fits as well: the simpler name is meant, and its wins are this one's. Only if it falls
         // short of taking its place by little do the data not tell.
-        let contains =
-            other.target == candidate.target && other.kind.contains.contains(&candidate.kind.name);
+        let contains = other.contains(&candidate);
         let tied = own.is_some_and(|own| !contains && are_tied(own, rival));
         if other == candidate || contains {
             confidence += rival.wins;

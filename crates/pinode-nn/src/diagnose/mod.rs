@@ -35,12 +35,15 @@ mod pushes;
 mod refine;
 mod regions;
 mod remainder;
+mod rests;
 pub(crate) mod scales;
 mod score;
 mod screen;
 mod search;
 mod setup;
 mod shapes;
+mod shown;
+mod simplify;
 pub mod sketch;
 pub(crate) mod smooth;
 mod starts;
@@ -181,8 +184,15 @@ pub(crate) fn diagnose_into(
         residuals,
         ..
     } = cleaned;
-    let splits = experiment::splits(&prepared.study, &search, &names, report);
-    let (study, coarse) = numerics::finer(model, &prepared.study, &mut search, report);
+    let mut splits = experiment::splits(&prepared.study, &search, &names, report);
+    let (mut study, mut coarse) = numerics::finer(model, &prepared.study, &mut search, report);
+    let sharpness = (numerics::may_sharpen(model), !coarse.is_empty());
+    if let Some(finer) = simplify::simplify(&study, &mut search, sharpness, report) {
+        study = finer;
+        // Coarser fits have other names.
+        coarse.clear();
+        splits = experiment::splits(&study, &search, &names, report);
+    }
 
     report("writing the new model and running it free over unseen data");
     let mut provenance = provenance(model, (logs, held_out), seed, &prepared, &study);

@@ -64,8 +64,6 @@ pub fn finer(
         .found
         .iter()
         .any(|f| f.candidate.kind.stop().is_some());
-    // Who says how sharp friction is, is taken at his word.
-    let may_sharpen = model.effects.iter().all(|e| e.smoothing.is_none());
     let mut take = |what: &str, refined: fn(&Study, &Search) -> Refined| {
         report(&format!("asking whether {what} would do the same"));
         if let Some((finer, fitted)) = refined(&study, search) {
@@ -76,26 +74,42 @@ pub fn finer(
     if has_stops {
         take("harder stops", hardened);
     }
-    if may_sharpen {
+    if may_sharpen(model) {
         take("friction that sticks", sharpened);
     }
     (study, before)
 }
 
-/// The model that was found with its dry friction as sharp as the data see it, and the study with the steps that this takes: where sticking would move a
-/// coordinate by more than [`VISIBLE`] from where the smoothed friction has it, the forces at low speed come out wrong for it. `None` where it would
-/// not, where that was found beside pushes, where friction would become too fast for explicit steps first, and where the sharper model explains the windows no better or is no longer
-/// what was found.
+/// Whether the dry friction of a model may be made sharper: who says how sharp it is, is taken at his word.
+pub fn may_sharpen(model: &Model) -> bool {
+    model.effects.iter().all(|e| e.smoothing.is_none())
+}
+
+/// The model that was found with its dry friction as sharp as the data see it, and the study with the steps that this takes. `None` where that was found
+/// beside pushes, where it would do nothing, and where the sharper model explains the windows no better or is no longer what was found.
 fn sharpened(study: &Study, search: &Search) -> Refined {
-    let fitted = &search.model;
     // Without the pushes that they were found beside, the constants would take these for their own.
     if search.pushed {
         return None;
     }
+    let (study, sharp) = sharp(study, &search.model)?;
+    search.improves(&study, &sharp).then_some((study, sharp))
+}
+
+/// By how much sticking would move a coordinate from where the smoothed friction of a fitted model has it where that shows, in units of the noise.
+pub fn shows(study: &Study, fitted: &Fitted) -> Option<f64> {
     let error = set_valued(study, fitted)?;
     let worst = error.coordinates.iter().map(|c| c.rms).fold(0.0, f64::max);
+    (worst > VISIBLE).then_some(worst)
+}
+
+/// A model with its dry friction as sharp as the data see it, fitted anew, and the study with the steps that this takes: where sticking would move a
+/// coordinate by more than [`VISIBLE`] from where the smoothed friction has it, the forces at low speed come out wrong for it. `None` where it would
+/// not, and where friction would become too fast for explicit steps first.
+pub fn sharp(study: &Study, fitted: &Fitted) -> Refined {
+    let worst = shows(study, fitted)?;
     let factor = (AIM / worst).max(fitted.hybrid.sharpest(&fitted.inside.theta));
-    if worst < VISIBLE || factor > WORTH_A_FIT {
+    if factor > WORTH_A_FIT {
         return None;
     }
     let hybrid = fitted.hybrid.sharpened(factor);
@@ -118,7 +132,7 @@ fn sharpened(study: &Study, search: &Search) -> Refined {
         study.finer *= 2;
         sharp = fit(&study, &sharp);
     }
-    search.improves(&study, &sharp).then_some((study, sharp))
+    Some((study, sharp))
 }
 
 /// Whether shorter steps would move the roll-outs by more than [`STEP_ERROR`], and may be taken.

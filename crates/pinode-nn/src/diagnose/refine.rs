@@ -6,7 +6,7 @@ use super::candidate::Candidate;
 use super::confidence::wins;
 use super::found::position;
 use super::screen::Screened;
-use super::stops::fit_struck;
+use super::shown::fit_shown;
 use super::study::{Comparison, Fitted, RELIEF, SURE, Study};
 
 /// A candidate with this share of its information spanned by free constants is one that they imitate.
@@ -85,7 +85,7 @@ pub fn refine_one(
 ) -> Contender {
     let candidate = screened.candidate;
     let fitted = match screened.shown {
-        true => fit_struck(study, current, candidate, &screened.starts, iterations),
+        true => fit_shown(study, current, candidate, &screened.starts, iterations),
         false => fit_screened(study, current, screened, iterations),
     };
     let fitted = fitted.unwrap_or_else(|| current.clone());
@@ -206,17 +206,23 @@ pub fn is_sensible(study: &Study, candidate: &Candidate, fitted: &Fitted) -> boo
     })
 }
 
-/// Whether a parameter of a fitted effect is surely not what it is where the effect changes nothing of `current`: of those that a probe moves
-/// from there. Residuals that hang together stretch tolerances by more than their number says; these errors, by the jackknife over windows, know.
+/// Whether a fitted effect surely changes something of `current`.
 fn is_sure(study: &Study, candidate: &Candidate, current: &Fitted, fitted: &Fitted) -> bool {
+    let contained = candidate.contained(&current.hybrid, &current.inside.theta);
+    does_more(study, candidate, fitted, &contained)
+}
+
+/// Whether a parameter of a fitted effect is surely not what it is where the effect does no more than the one that it contains, with the parameters
+/// `contained`, or nothing: of those that a probe moves from there. Residuals that hang together stretch tolerances by more than their number says;
+/// these errors, by the jackknife over windows, know.
+pub fn does_more(study: &Study, candidate: &Candidate, fitted: &Fitted, contained: &[f64]) -> bool {
     let Some(index) = position(fitted, candidate) else {
         return false;
     };
     let fit = &fitted.inside;
     let errors = fit.standard_errors();
-    let contained = candidate.contained(&current.hybrid, &current.inside.theta);
-    let scales = candidate.scales(&current.hybrid, &study.scales);
-    let probes = (candidate.kind.probes)(&scales, &contained);
+    let scales = candidate.scales(&fitted.hybrid, &study.scales);
+    let probes = (candidate.kind.probes)(&scales, contained);
     let is_off = |i: usize, k: usize| {
         let error = fit
             .free

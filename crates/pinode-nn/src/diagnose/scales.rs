@@ -1,6 +1,7 @@
 //! How large the motion in a log is.
 
 use super::blows::struck;
+use super::rests::held;
 use super::smooth::Smoothed;
 use crate::effect::Scales;
 use crate::hybrid::Hybrid;
@@ -19,6 +20,7 @@ pub fn scales(
     let theta = hybrid.theta();
     let mut memory = hybrid.memory(&[]);
     let mut mass = nalgebra::DMatrix::zeros(nv, nv);
+    let held = held(hybrid, smoothed, observations);
     (0..nv)
         .map(|c| {
             let q = || smoothed.iter().flat_map(|s| &s.q[c]).copied();
@@ -65,6 +67,7 @@ pub fn scales(
                     .get(c)
                     .map_or(f64::INFINITY, |own| own.noise),
                 struck: struck(observations, c, FREE * half_width),
+                held: held[c],
             }
         })
         .collect()

@@ -331,10 +331,9 @@ pub fn accept(
             let k = leader.unwrap_or(k);
             // What is found to be numerical is no simpler name from then on.
             let mut best = k;
-            while let Some(j) = simpler(contenders, k) {
+            while let Some(j) = simpler(contenders, k, best) {
                 if contenders[j].is_sound(study, current) {
                     best = j;
-                    break;
                 }
             }
             accepted = Some(best);
@@ -346,19 +345,37 @@ pub fn accept(
     accepted
 }
 
-/// The best contender that has a say and fewer constants than the `k`th, unless the `k`th would be accepted beside it: a name with more
-/// constants earns its place against one with fewer as it would against none.
-pub fn simpler(contenders: &[Contender], k: usize) -> Option<usize> {
-    let best = &contenders[k];
+/// The best contender that has a say and fewer constants than the `best` so far, unless that or the `k`th, which leads, would be accepted beside it: a name
+/// with more constants earns its place against one with fewer as it would against none. Of what has as few the best one is asked, and in place of a
+/// simpler one than the `k`th only what that contains.
+pub fn simpler(contenders: &[Contender], k: usize, best: usize) -> Option<usize> {
     let constants = |c: &Contender| c.fitted.inside.free.len();
+    let earns = |c: usize, other: &Contender| {
+        Comparison::of(&contenders[c].fitted, &other.fitted).explains()
+    };
+    let mut ahead = usize::MAX;
     contenders.iter().position(|other| {
-        constants(other) < constants(best)
-            && other.is_rival()
-            && !Comparison::of(&best.fitted, &other.fitted).explains()
+        if !other.is_rival() {
+            return false;
+        }
+        let leads = constants(other) < ahead;
+        ahead = ahead.min(constants(other));
+        leads
+            && constants(other) < constants(&contenders[best])
+            && (k == best || contenders[best].contains(other))
+            && !earns(k, other)
+            && !earns(best, other)
     })
 }
 
 impl Contender {
+    /// Whether all that it adds contains what another does.
+    fn contains(&self, other: &Contender) -> bool {
+        let pairs = || self.added.iter().zip(&other.added);
+        self.added.len() == other.added.len()
+            && pairs().all(|(own, other)| own == other || own.contains(other))
+    }
+
     /// Whether its gain is not numerical; asked once.
     fn is_sound(&mut self, study: &Study, current: &Fitted) -> bool {
         let known = self.numerically_sound;

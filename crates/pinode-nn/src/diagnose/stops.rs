@@ -1,72 +1,15 @@
-//! Fits of stops that the blows in a log show.
-//!
-//! What lacks a stop passes through it: the states it is fitted with are as far from the truth as its roll-outs. Fits of stops start at the measured
-//! states, none of them behind the stop, whose spring would throw it back.
+//! Stops as hard as the data see them.
 
-use rayon::prelude::*;
-
-use super::candidate::Candidate;
 use super::found::position;
-use super::refine::best;
 use super::search::Search;
-use super::study::{Fitted, MOST_SUBSTEPS, RESOLVED_BLOWS, Start, Study};
-use crate::hybrid::Hybrid;
-use crate::shooting::Window;
+use super::shown::begin;
+use super::study::{Fitted, MOST_SUBSTEPS, RESOLVED_BLOWS, Study};
 
-/// Iterations by which starts are compared, of the initial states and of all: soft stops do better than hard ones at first.
-const COMPARING: (usize, usize) = (6, 16);
 /// Stops are fitted once more with steps that are shorter by up to this, and with these iterations.
 const FINER: usize = 4;
 const ITERATIONS: usize = 16;
 /// Less than this is gained by no fit.
 const WORTH_A_FIT: f64 = 1.25;
-
-/// The model with the stop `candidate`, fitted from the best of its `starts`; `None` without one.
-pub fn fit_struck(
-    study: &Study,
-    current: &Fitted,
-    candidate: Candidate,
-    starts: &[Vec<f64>],
-    iterations: usize,
-) -> Option<Fitted> {
-    let (seen, there) = study.some_windows(current, 1);
-    let tried = starts.par_iter().map(|start| {
-        let (hybrid, theta) = candidate.place(&current.hybrid, &current.inside.theta, start);
-        let mut from = there.start(theta);
-        begin(
-            &seen,
-            (&hybrid, &from.theta),
-            &seen.windows.fit,
-            &mut from.inside,
-            false,
-        );
-        seen.fit(hybrid, from, COMPARING.0, COMPARING.1)
-    });
-    let best = best(tried.collect())?;
-    let mut start = Start {
-        inside: best.inside.states,
-        ..current.start(best.inside.theta)
-    };
-    let (model, windows) = ((&best.hybrid, &start.theta[..]), &study.windows.held_out);
-    begin(study, model, windows, &mut start.outside, false);
-    Some(study.fit(best.hybrid, start, COMPARING.0, iterations))
-}
-
-/// Puts the states (q, v) from which a model at θ explains some windows best in the place of `states`: of the measured ones, and of those that are there if
-/// they are `known` to be good.
-fn begin(
-    study: &Study,
-    (hybrid, theta): (&Hybrid, &[f64]),
-    windows: &[Window],
-    states: &mut [Vec<f64>],
-    known: bool,
-) {
-    let known = known.then_some(&*states);
-    let best = study.starts(hybrid, theta, windows, known);
-    for (state, best) in states.iter_mut().zip(best) {
-        state[..best.len()].copy_from_slice(&best);
-    }
-}
 
 /// The model that was found with its stops harder, and the study with the shorter steps that this takes: what is softer than the stop was strikes too
 /// early, by a way that is right for one speed. `None` where no stop was found that the log shows, where that was beside pushes, where those found are as hard as shows,

@@ -157,8 +157,36 @@ pub const RELIEF: f64 = 0.5 * SURE * SURE;
 
 /// A loss of less than this, nats a sample, does not count against a relief: a tenth of the least gain held out that counts for an effect.
 const HARMLESS: f64 = 2.5e-3;
-/// Nor does this share of what it relieves: a fit that is freed of large tolerances gives up a little for them.
-const SMALL_PART: f64 = 0.25;
+/// Nor does this share of what it relieves: a fit that is freed of large tolerances gives up something for them.
+const PART: f64 = 0.5;
+
+/// What is accepted explains the seen windows by so many standard errors and those held out by so many, or both by as much as is the least of each.
+const LEAST_Z: (f64, f64) = (4.0, 2.0);
+const LEAST_Z_OF_BOTH: f64 = 3.0;
+/// … and so many nats a sample of the one and of the other.
+const LEAST_GAIN: (f64, f64) = (0.05, 0.025);
+
+/// What an effect lacks of an explanation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Lack {
+    /// A gain on the windows that the fit saw.
+    Gain,
+    /// A gain on the windows held out, though there is one on the others.
+    GainHeldOut,
+}
+
+/// What an effect lacks that explains the seen windows, and those held out, by so many standard errors and so many nats a sample. Nothing where
+/// both gains are large enough and significant: the seen windows chose the effect and its parameters, which those held out did not.
+pub fn lacks(z: (f64, f64), gain: (f64, f64)) -> Option<Lack> {
+    let on_both = z.0 > LEAST_Z_OF_BOTH && z.1 > LEAST_Z_OF_BOTH;
+    if !(gain.0 > LEAST_GAIN.0 && (z.0 > LEAST_Z.0 || on_both)) {
+        Some(Lack::Gain)
+    } else if !(gain.1 > LEAST_GAIN.1 && z.1 > LEAST_Z.1) {
+        Some(Lack::GainHeldOut)
+    } else {
+        None
+    }
+}
 
 impl Comparison {
     /// Of `new` over `old`.
@@ -178,10 +206,8 @@ impl Comparison {
 
     /// Whether the gain is significant and large enough on both sides.
     pub fn explains(&self) -> bool {
-        self.inside.z > 4.0
-            && self.outside.z > 2.0
-            && self.inside_gain > 0.05
-            && self.outside_gain > 0.025
+        let z = (self.inside.z, self.outside.z);
+        lacks(z, (self.inside_gain, self.outside_gain)).is_none()
     }
 
     /// Whether it is as good on the seen windows, or nearly, and half as good on those held out, of which there are fewer.
@@ -205,7 +231,7 @@ impl Comparison {
         };
         // Where both models do the same, a loss of next to nothing may be a steady one.
         let harmless = |of: Paired, per_sample: f64| {
-            of.z > -2.0 || per_sample > -HARMLESS || of.gain > -SMALL_PART * relief_of(of)
+            of.z > -2.0 || per_sample > -HARMLESS || of.gain > -PART * relief_of(of)
         };
         self.relief > RELIEF
             && harmless(self.inside, self.inside_gain)

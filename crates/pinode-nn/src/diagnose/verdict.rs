@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+pub use super::study::Lack;
+use super::study::lacks;
 use crate::learnt::law::Law;
 use crate::smoothing::SmoothingError;
 
@@ -186,23 +188,9 @@ pub struct Evidence {
 impl Evidence {
     /// What it lacks of a significant gain that is large enough, seen and held out; nothing when it lacks nothing.
     pub fn lacks(&self) -> Option<Lack> {
-        if !(self.z_fit > 4.0 && self.gain_fit > 0.05) {
-            Some(Lack::Gain)
-        } else if !(self.z_held_out > 2.0 && self.gain_held_out > 0.025) {
-            Some(Lack::GainHeldOut)
-        } else {
-            None
-        }
+        let z = (self.z_fit, self.z_held_out);
+        lacks(z, (self.gain_fit, self.gain_held_out))
     }
-}
-
-/// What the evidence for a name lacks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Lack {
-    /// A gain on the windows that the fit saw.
-    Gain,
-    /// A gain on the windows held out, though there is one on the others.
-    GainHeldOut,
 }
 
 /// Free-run errors over held-out windows.
@@ -536,8 +524,8 @@ pub enum Moved {
 pub struct Change {
     /// What it is.
     pub name: String,
-    /// The largest cumulated pull of the windows on it, over the root of the sum of their squares; beyond x with the probability
-    /// 2 exp(−2 x²) where nothing changes.
+    /// The largest sum of the signs of the windows' pulls on it, about their mean and over the root of the sum of their squares; beyond x with the
+    /// probability 2 exp(−2 x²) where nothing changes.
     pub statistic: f64,
     /// The recording in which the sum is the largest, from 0 on.
     pub run: usize,
@@ -621,43 +609,4 @@ pub struct LogProvenance {
     pub sha256: String,
     /// Whether it was given to be held out.
     pub held_out: bool,
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::score::Paired;
-    use super::super::study::Comparison;
-    use super::*;
-
-    #[test]
-    fn evidence_lacks_nothing_exactly_where_the_search_takes_it_as_an_explanation() {
-        let paired = |z: f64| Paired {
-            z,
-            gain: 100.0,
-            windows: 72,
-        };
-        for z_fit in [3.9, 4.1] {
-            for z_held_out in [1.9, 2.1] {
-                for gain_fit in [0.049, 0.051] {
-                    for gain_held_out in [0.024, 0.026] {
-                        let evidence = Evidence {
-                            z_fit,
-                            z_held_out,
-                            gain_fit,
-                            gain_held_out,
-                            relief: 0.0,
-                        };
-                        let comparison = Comparison {
-                            inside: paired(z_fit),
-                            outside: paired(z_held_out),
-                            inside_gain: gain_fit,
-                            outside_gain: gain_held_out,
-                            relief: 0.0,
-                        };
-                        assert_eq!(evidence.lacks().is_none(), comparison.explains());
-                    }
-                }
-            }
-        }
-    }
 }

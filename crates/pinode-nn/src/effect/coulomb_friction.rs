@@ -6,7 +6,7 @@ use integrators::event::Direction;
 use lagrange::Scalar;
 
 use super::{
-    Action, DryFriction, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity,
+    Action, DryFriction, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Quantity, Scales,
     kind::from_zero, smooth_sign,
 };
 
@@ -25,6 +25,13 @@ impl ForceLaw for Coulomb {
 impl DryFriction for Coulomb {
     fn size(&self, _: Direction, _: f64, _: f64, p: &[f64]) -> f64 {
         p[0]
+    }
+
+    fn holding(&self, scales: &Scales) -> Vec<Vec<f64>> {
+        match scales.held > 0.0 {
+            true => vec![vec![scales.held]],
+            false => Vec::new(),
+        }
     }
 }
 

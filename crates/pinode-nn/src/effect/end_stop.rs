@@ -287,6 +287,7 @@ mod tests {
             largest_input: 5.0,
             noise: 1e-3,
             struck,
+            held: 0.0,
         };
         let end = |place: f64| Struck {
             place,

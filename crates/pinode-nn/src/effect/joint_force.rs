@@ -43,6 +43,11 @@ pub trait ForceLaw: Send + Sync + 'static {
 pub trait DryFriction: Send + Sync {
     /// F ≥ 0 against a slide in `direction` at q_j = `q` with `speed` = |v_j|, N or N·m; smooth in the speed, also a little below 0.
     fn size(&self, direction: Direction, q: f64, speed: f64, p: &[f64]) -> f64;
+
+    /// Parameters of friction that would hold a joint as a log's rests show; none where it has none, or where another law is simpler.
+    fn holding(&self, _scales: &Scales) -> Vec<Vec<f64>> {
+        Vec::new()
+    }
 }
 
 /// Stops at the ends of a coordinate's way as hard ones: q_j stays between the two places, and a blow turns the speed v of approach

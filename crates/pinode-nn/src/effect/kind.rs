@@ -52,6 +52,8 @@ pub struct Scales {
     pub noise: f64,
     /// What turns it back at the lower and the upper end of its range, where the log shows blows.
     pub struck: [Option<Struck>; 2],
+    /// The generalized force that holds it where the log shows it at rest, N or N·m; 0 where it shows none.
+    pub held: f64,
 }
 
 /// An end of the range at which blows turn the motion back.
@@ -172,10 +174,12 @@ impl Kind {
         self.states() > 0 || (matches!(self.action, Action::Drive(_)) && cuts_off)
     }
 
-    /// Where fits start of what the motion itself shows to be there, whatever a screen says: stops by their blows. Else none.
+    /// Where fits start of what the motion itself shows to be there, whatever a screen says: stops by their blows, dry friction by what it holds. Else
+    /// none.
     pub fn suggested(&self, scales: &Scales) -> Vec<Vec<f64>> {
-        self.stop()
-            .map_or_else(Vec::new, |stop| stop.struck(scales))
+        let stops = self.stop().map(|stop| stop.struck(scales));
+        let holds = self.dry().map(|dry| dry.holding(scales));
+        stops.or(holds).unwrap_or_default()
     }
 
     /// Whether a model file may say over which velocity it spreads a change of sign.

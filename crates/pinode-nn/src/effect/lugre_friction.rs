@@ -7,6 +7,7 @@
 use lagrange::Scalar;
 
 use super::memory::STRAY;
+use super::stribeck_friction::is_stribeck;
 use super::{
     Action, Family, Kind, MemoryLaw, ParameterSpec, Probe, Quantity, Scales, Seen, WithMemory,
 };
@@ -45,9 +46,10 @@ impl MemoryLaw for LuGre {
     fn stray(&self, noise: f64, _p: &[f64], spread: &mut [f64]) {
         spread[0] = spread[0].min(STRAY * noise);
     }
-    /// It slips within the range of the motion.
+    /// It slips within the range of the motion, and with the forces of Stribeck friction.
     fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool {
-        p[2].max(p[3]) / p[0] < scales.reach
+        let slips = p[2].max(p[3]) / p[0] < scales.reach;
+        slips && is_stribeck([p[2], p[3], p[4]], scales)
     }
     fn fastest(&self, speed: f64, mass: f64, p: &[f64]) -> f64 {
         let decay = p[0] * speed / p[2].min(p[3]);

@@ -188,9 +188,10 @@ mod tests {
             input: 2.0,
             largest_input: 5.0,
             struck: [None; 2],
+            held: 0.0,
             noise: 1e-3,
         };
-        let cases: [(&str, &[f64], bool); 14] = [
+        let cases: [(&str, &[f64], bool); 18] = [
             // A blow of 7 ms, and one of 0.7 s.
             ("end_stop", &[-0.2, 0.2, 1e5, 100.0], true),
             ("end_stop", &[-0.2, 0.2, 10.0, 1.0], false),
@@ -207,6 +208,11 @@ mod tests {
             ("dahl_friction", &[0.5, 0.3], false),
             ("lugre_friction", &[100.0, 1.0, 0.2, 0.5, 0.05], true),
             ("lugre_friction", &[0.1, 1.0, 0.2, 0.5, 0.05], false),
+            // Almost no force at rest; a hump at speeds that no one has seen.
+            ("lugre_friction", &[100.0, 1.0, 0.2, 1e-6, 0.05], false),
+            ("stribeck_friction", &[0.2, 0.5, 0.05], true),
+            ("stribeck_friction", &[0.2, 15.0, 1e-4], false),
+            ("stribeck_friction", &[0.2, 1e-6, 2.0], false),
             // A twentieth of the critical damping, and five times as much.
             ("elastic_transmission", &[75.0, 0.3, 0.035], true),
             ("elastic_transmission", &[221.0, 16.9, 0.0162], false),

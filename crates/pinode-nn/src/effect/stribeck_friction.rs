@@ -8,7 +8,7 @@ use lagrange::Scalar;
 
 use super::{
     Action, DryFriction, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Probe, Quantity,
-    smooth_sign,
+    Scales, smooth_sign,
 };
 
 struct Stribeck;
@@ -27,6 +27,20 @@ impl ForceLaw for Stribeck {
     fn dry(&self) -> Option<&dyn DryFriction> {
         Some(self)
     }
+
+    fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool {
+        is_stribeck([p[0], p[1], p[2]], scales)
+    }
+}
+
+/// The Stribeck velocity is among the speeds of the motion, down to this share of the large ones: below it a hump is made of how the sign is spread.
+const SLOWEST: f64 = 5e-3;
+/// Friction that has less than this share of its sliding force at rest holds nothing there.
+const HOLDS: f64 = 0.1;
+
+/// Whether sliding force, static force and Stribeck velocity are those of friction at rest and at speeds that the motion has.
+pub(super) fn is_stribeck([sliding, at_rest, velocity]: [f64; 3], scales: &Scales) -> bool {
+    velocity > SLOWEST * scales.speed && at_rest > HOLDS * sliding
 }
 
 impl DryFriction for Stribeck {

@@ -4,6 +4,10 @@ use super::noise::median;
 
 /// At most this share of the samples can be outliers: what happens more often is how the sensor is.
 const MOST_OUTLIERS: f64 = 0.005;
+/// … but for those without which all around them is as it should be: no motion does that, only readings that are wrong.
+const MOST_SPIKES: f64 = 0.05;
+/// What is left around such a one without it, in units of the noise.
+const CLEAN: f64 = 6.0;
 
 /// False where a sample stands alone: away from the cubic through its four neighbours,
 ///
@@ -12,37 +16,53 @@ const MOST_OUTLIERS: f64 = 0.005;
 /// by more than eight times the noise, by more than eight times what is usual around it (fast motion is no fault), and by more than
 /// its neighbours, whom a glitch pulls along. Twice as far, and so on, while that holds for too many samples.
 pub fn without_outliers(y: &[f64], noise: f64) -> Vec<bool> {
-    let mut factor = 8.0;
+    let (n, mut factor) = (y.len() as f64, 8.0);
     loop {
-        let valid = within(y, noise, factor);
-        let outliers = valid.iter().filter(|v| !**v).count();
-        if outliers <= 3 || (outliers as f64) < MOST_OUTLIERS * y.len() as f64 || factor > 1e6 {
+        let (valid, spikes) = within(y, noise, factor);
+        let others = valid.iter().filter(|v| !**v).count() - spikes;
+        let few = others <= 3 || (others as f64) < MOST_OUTLIERS * n;
+        if (few && (spikes as f64) < MOST_SPIKES * n) || factor > 1e6 {
             return valid;
         }
         factor *= 2.0;
     }
 }
 
-fn within(y: &[f64], noise: f64, factor: f64) -> Vec<bool> {
-    let mut valid = vec![true; y.len()];
-    let away: Vec<f64> = y
-        .windows(5)
-        .map(|w| (w[2] - (4.0 * (w[1] + w[3]) - w[0] - w[4]) / 6.0).abs())
-        .collect();
+/// How far each sample but the outer two is from the cubic through its neighbours, e.
+fn away(y: &[f64]) -> Vec<f64> {
+    let of = |w: &[f64]| w[2] - (4.0 * (w[1] + w[3]) - w[0] - w[4]) / 6.0;
+    y.windows(5).map(of).collect()
+}
+
+/// False where a sample stands alone by so large a factor; and the number of those without which nothing is left of it.
+fn within(y: &[f64], noise: f64, factor: f64) -> (Vec<bool>, usize) {
+    let (mut valid, mut spikes) = (vec![true; y.len()], 0);
+    let away = away(y);
     for (i, &e) in away.iter().enumerate() {
         let near = away.get(i.saturating_sub(2)..(i + 3).min(away.len()));
-        let largest = near.is_some_and(|near| near.iter().all(|&other| other <= e));
-        if e <= factor * noise || !largest {
+        let largest = near.is_some_and(|near| near.iter().all(|other| other.abs() <= e.abs()));
+        if e.abs() <= factor * noise || !largest {
             continue;
         }
         let first = i.saturating_sub(15);
         let mut around: Vec<f64> = (first..(i + 16).min(away.len()))
             .filter(|k| k.abs_diff(i) > 2)
-            .map(|k| away[k])
+            .map(|k| away[k].abs())
             .collect();
-        valid[i + 2] = e <= factor * median(&mut around);
+        valid[i + 2] = e.abs() <= factor * median(&mut around);
+        spikes += usize::from(!valid[i + 2] && is_spike(&away, i, noise));
     }
-    valid
+    (valid, spikes)
+}
+
+/// Whether nothing is left of what the neighbours of a sample are away from theirs once it is where they have it: e_{k±1} + 4/6 e_k and e_{k±2} − 1/6 e_k.
+fn is_spike(away: &[f64], i: usize, noise: f64) -> bool {
+    let left = |by: usize, share: f64| {
+        let sides = [i.checked_sub(by), Some(i + by)];
+        let there = sides.into_iter().flatten().filter_map(|k| away.get(k));
+        there.fold(0.0_f64, |most, e| most.max((e - share * away[i]).abs()))
+    };
+    left(1, -4.0 / 6.0).max(left(2, 1.0 / 6.0)) < CLEAN * noise
 }
 
 #[cfg(test)]
@@ -56,5 +76,28 @@ mod tests {
         y[100] += 0.5;
         let valid = without_outliers(&y, 1e-3);
         assert!(!valid[100] && valid.iter().filter(|v| !**v).count() == 1);
+    }
+
+    /// A reading that is wrong in one sample of fifty leaves the others as they should be; a mechanism that is struck as often does not.
+    #[test]
+    fn many_spikes_are_masked_and_many_blows_are_not() {
+        let swing = |k: usize| (3.0 * k as f64 * 0.01).sin();
+        let noise = |k: usize| 1e-3 * crate::bins::pseudo(k, 0.3);
+        let mut spiky: Vec<f64> = (0..3000).map(|k| swing(k) + noise(k)).collect();
+        for k in (25..3000).step_by(50) {
+            spiky[k] += 0.3;
+        }
+        let valid = without_outliers(&spiky, 1e-3);
+        assert!((25..3000).step_by(50).all(|k| !valid[k]));
+        assert_eq!(valid.iter().filter(|v| !**v).count(), 60);
+        // A ball that bounces every 0.5 s: its speed of 10 m/s turns round between two samples.
+        let bounce = |k: usize| {
+            let t = 0.01 * ((k % 50) as f64 + 0.3);
+            10.0 * t - 20.0 * t * t
+        };
+        let struck: Vec<f64> = (0..3000).map(|k| bounce(k) + noise(k)).collect();
+        let masked = without_outliers(&struck, 1e-3);
+        let masked = masked.iter().filter(|v| !**v).count();
+        assert!(masked < 15, "{masked}");
     }
 }

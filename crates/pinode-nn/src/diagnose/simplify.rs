@@ -1,0 +1,122 @@
+//! Names that the final fit does not bear out: numerics that are too coarse for a law are explained by another's additional constants.
+
+use super::candidate::Candidate;
+use super::found::{position, prune, stripped, without};
+use super::numerics::{sharp, shows};
+use super::refine::{does_more, is_sensible};
+use super::search::Search;
+use super::step::Report;
+use super::study::{Comparison, Fitted, Study};
+use crate::effect::registry;
+use crate::hybrid::Placed;
+
+/// Iterations of a fit of a simpler law.
+const ITERATIONS: usize = 12;
+
+/// Gives what was found, as fitted in `study`, the names with the fewest constants: a law whose fitted constants may be those of a simpler one that it
+/// contains is called by that one's name, unless it explains what that leaves; so is one that owes them to friction that is not sharp enough, where the
+/// simpler one does as well with sharper friction. One that may as well do nothing, and any of several where the numerics of `study` are `refined`
+/// beyond those that it was found with, is asked for once more beside the others. The study with the steps that this takes, where a name changed.
+/// `sharpen`: whether friction may be made sharper.
+///
+/// What was found beside pushes stays: without them its constants mean nothing.
+pub fn simplify(
+    study: &Study,
+    search: &mut Search,
+    (sharpen, refined): (bool, bool),
+    report: Report,
+) -> Option<Study> {
+    if search.pushed {
+        return None;
+    }
+    let mut study = study.clone();
+    let mut changed = false;
+    for k in 0..search.found.len() {
+        if let Some((simple, finer, fitted)) = simpler(&study, search, k, sharpen) {
+            let rich = search.found[k].candidate;
+            report(&format!(
+                "{} does no more than {}",
+                rich.kind.name, simple.kind.name
+            ));
+            study = finer;
+            let index = position(&fitted, &simple);
+            let reduced = index.map(|index| without(&study, &search.null, &fitted, index));
+            let found = &mut search.found[k];
+            found.candidate = simple;
+            if let Some(reduced) = &reduced {
+                found.comparison = Comparison::of(&fitted, reduced);
+            }
+            found
+                .alternatives
+                .retain(|(c, _)| *c != simple && *c != rich);
+            found.indistinguishable.retain(|c| *c != simple);
+            if Comparison::of(&search.model, &fitted).nearly_explains() {
+                found.indistinguishable.push(rich);
+            }
+            search.refitted(&study, fitted);
+            changed = true;
+        }
+    }
+    let unsure = |c: &Candidate| !does_more(&study, c, &search.model, &[]);
+    let mut kept: Vec<Candidate> = search.found.iter().map(|f| f.candidate).collect();
+    if kept.len() > 1 && (refined || kept.iter().any(unsure)) {
+        let mut model = search.model.clone();
+        prune(&study, &search.null, &mut model, &mut kept, report);
+        if kept.len() < search.found.len() {
+            search.found.retain(|f| kept.contains(&f.candidate));
+            search.refitted(&study, model);
+            changed = true;
+        }
+    }
+    changed.then_some(study)
+}
+
+/// The law with one constant that the `k`th of what was found contains and does not exceed, and the model with it instead, in the study that it was
+/// fitted in.
+fn simpler(
+    study: &Study,
+    search: &Search,
+    k: usize,
+    sharpen: bool,
+) -> Option<(Candidate, Study, Fitted)> {
+    let (rich, model) = (search.found[k].candidate, &search.model);
+    let index = position(model, &rich)?;
+    let theta = &model.inside.theta;
+    // All of them have the size of the one that they contain in front.
+    let size = theta[model.hybrid.range(index)].first().copied()?;
+    let known = search.null.hybrid.effects();
+    let is_known = |simple: &Candidate| {
+        let same = |e: &Placed| e.kind == simple.kind && e.target == simple.target;
+        known.iter().any(same)
+    };
+    let contained = rich.kind.contains.iter();
+    let mut contained = contained
+        .filter_map(|name| registry::find(name))
+        .map(|kind| Candidate { kind, ..rich })
+        .filter(|simple| simple.kind.parameters.len() == 1)
+        .filter(|simple| !study.without.contains(&simple.kind) && !is_known(simple))
+        .peekable();
+    contained.peek()?;
+    // Constants that make up for friction that is not sharp enough are as sure as others.
+    let owes = sharpen && rich.kind.dry().is_some() && shows(study, model).is_some();
+    if !owes && does_more(study, &rich, model, &[size]) {
+        return None;
+    }
+    contained.find_map(|simple| {
+        let (mut hybrid, mut theta) = stripped(&search.null, model, index);
+        let placed = Placed {
+            kind: simple.kind,
+            ..model.hybrid.effects()[index]
+        };
+        hybrid.add(placed, &[size], false);
+        theta.push(size);
+        let fitted = study.fit(hybrid, model.start(theta), 1, ITERATIONS);
+        let sharper = sharpen.then(|| sharp(study, &fitted)).flatten();
+        let fits = [Some((study.clone(), fitted)), sharper];
+        fits.into_iter().flatten().find_map(|(study, fitted)| {
+            let lead = Comparison::of(model, &fitted);
+            let does = is_sensible(&study, &simple, &fitted) && !lead.explains();
+            does.then_some((simple, study, fitted))
+        })
+    })
+}
