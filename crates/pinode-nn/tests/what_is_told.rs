@@ -201,16 +201,21 @@ fn a_stop_that_gives_for_a_sixth_of_a_second_is_a_stop() {
 
 const FORCE: f64 = 0.2;
 
-/// A log of a pendulum with friction of one force, driven by a motor of so many times the torque.
-fn rubbing(gain: f64, seed: u64) -> Diagnosis {
-    let rubs = |q: f64, v: f64, u: f64| {
-        // What would stop it within a few of the integrator's steps, of 1 ms, or hold it where it is.
-        let stops = INERTIA * v / 4e-3 + u - WEIGHT * q.sin();
-        -stops.clamp(-FORCE, FORCE)
-    };
+/// What friction of so much force lets through of the other forces on a pendulum, sums with them to nothing at rest: what would stop it within a few of the
+/// integrator's steps, of 1 ms, or hold it where it is.
+fn rubs([q, v]: [f64; 2], u: f64, force: f64) -> f64 {
+    let stops = INERTIA * v / 4e-3 + u - WEIGHT * q.sin();
+    -stops.clamp(-force, force)
+}
+
+/// A log of a pendulum with friction by its speed, driven by a motor of so many times the torque.
+fn rubbing(gain: f64, seed: u64, friction: impl Fn(f64) -> f64) -> Diagnosis {
     let motor = format!("name = \"motor\"\ngain = {gain}");
     let driven = text(true).replace("name = \"motor\"", &motor);
-    let law = |_, [q, v]: [f64; 2], u: f64| gain * u - VISCOUS * v + rubs(q, v, gain * u);
+    let law = |_, [q, v]: [f64; 2], u: f64| {
+        let u = gain * u - VISCOUS * v;
+        u + rubs([q, v], u, friction(v))
+    };
     diagnosed(&parsed(&driven), log(seed, law))
 }
 
@@ -227,7 +232,7 @@ fn is_coulomb_friction(found: &Diagnosis, within: f64) {
 /// larger at low speed, or another one elsewhere.
 #[test]
 fn friction_that_sticks_is_not_called_a_law_with_more_constants() {
-    let found = rubbing(0.35, 16);
+    let found = rubbing(0.35, 16, |_| FORCE);
     is_coulomb_friction(&found, 0.01);
     assert!(found.gap.after < 1.5, "{:?}", found.gap);
 }
@@ -236,7 +241,7 @@ fn friction_that_sticks_is_not_called_a_law_with_more_constants() {
 /// what the motor does while it rests does.
 #[test]
 fn friction_that_hardly_ever_slips_is_friction_and_no_inertia() {
-    let found = rubbing(0.25, 12);
+    let found = rubbing(0.25, 12, |_| FORCE);
     is_coulomb_friction(&found, 0.03);
     assert!(found.gap.after < 1.5, "{:?}", found.gap);
 }
@@ -247,8 +252,8 @@ fn friction_that_halves_half_way_is_said_to_change() {
         &model(true),
         log(3, |t, [q, v], u| {
             let force = if t < 30.0 { 0.08 } else { 0.04 };
-            let stops = INERTIA * v / 4e-3 + u - WEIGHT * q.sin();
-            u - VISCOUS * v - stops.clamp(-force, force)
+            let u = u - VISCOUS * v;
+            u + rubs([q, v], u, force)
         }),
     );
     let change = found
@@ -258,4 +263,23 @@ fn friction_that_halves_half_way_is_said_to_change() {
     assert!(change.name.contains("friction"), "{change:?}");
     assert!(change.before > change.after, "{change:?}");
     assert!((20.0..40.0).contains(&change.t), "{change:?}");
+}
+
+/// An elastic drive holds a pendulum that hardly slips better than friction does that is not yet sharp.
+#[test]
+fn stribeck_friction_that_hardly_ever_slips_is_found_with_its_constants() {
+    let found = rubbing(0.35, 21, |v| 0.15 + 0.1 * (-(v / 0.1).powi(2)).exp());
+    let [effect] = found.effects.as_slice() else {
+        panic!("{:?}", found.effects);
+    };
+    assert_eq!(effect.kind, "stribeck_friction", "{effect:?}");
+    let value = |name: &str| effect.parameters[name].value;
+    for (name, expected) in [
+        ("coulomb_force", 0.15),
+        ("static_force", 0.25),
+        ("stribeck_velocity", 0.1),
+    ] {
+        assert!((value(name) / expected - 1.0).abs() < 0.15, "{effect:?}");
+    }
+    assert!(found.gap.after < 2.5, "{:?}", found.gap);
 }

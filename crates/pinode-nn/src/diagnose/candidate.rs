@@ -1,5 +1,7 @@
 //! What could be missing: every kind of effect on every target where it makes sense.
 
+use std::f64::consts::PI;
+
 use crate::effect::{ActsOn, Kind, Scales, registry};
 use crate::hybrid::{Hybrid, Placed};
 
@@ -10,6 +12,12 @@ fn are_rivals(placed: &Kind, kind: &Kind) -> bool {
         .iter()
         .any(|name| kind.contains.contains(name));
     common && !kind.contains.contains(&placed.name)
+}
+
+/// Whether a coordinate is where it was after a turn.
+fn goes_round(hybrid: &Hybrid, coordinate: usize) -> bool {
+    let coordinates = hybrid.mechanics().coordinates();
+    coordinates.get(coordinate).is_some_and(|c| c.wraps)
 }
 
 /// A kind of effect on a target.
@@ -34,8 +42,7 @@ impl Candidate {
             for target in 0..targets {
                 let candidate = Candidate { kind, target };
                 // A way that goes round has no ends.
-                let coordinates = hybrid.mechanics().coordinates();
-                if kind.stop().is_some() && coordinates.get(target).is_some_and(|c| c.wraps) {
+                if kind.stop().is_some() && goes_round(hybrid, target) {
                     continue;
                 }
                 let place = match kind.acts_on() {
@@ -61,6 +68,13 @@ impl Candidate {
             }
         }
         all
+    }
+
+    /// Whether it is a friction that changes along a way that went round and round: there it would follow the time and not the place, which is the same
+    /// after a turn.
+    pub fn winds_up(&self, hybrid: &Hybrid, scales: &[Scales]) -> bool {
+        let along_the_way = self.kind.name == "position_dependent_friction";
+        along_the_way && goes_round(hybrid, self.target) && scales[self.target].reach > PI
     }
 
     /// Whether another is a special case of it.
@@ -160,5 +174,32 @@ mod tests {
         let found = changes("cartpole/cartpole.toml");
         assert_eq!(found, expected.map(|(kind, on)| (kind, on.to_owned())));
         assert!(changes("four_bar/four_bar.toml").is_empty(), "constraints");
+    }
+
+    #[test]
+    fn friction_along_a_way_is_none_where_that_goes_round_and_round() {
+        let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
+        let model = Model::load(&models.join("cartpole/cartpole.toml")).unwrap();
+        let hybrid = Hybrid::of(&model);
+        let scales = |reach: f64| Scales {
+            centre: 0.0,
+            reach,
+            speed: 1.0,
+            force: 1.0,
+            mass: 1.0,
+            input: 1.0,
+            largest_input: 1.0,
+            noise: 1e-3,
+            struck: [None; 2],
+            held: 0.0,
+        };
+        let winds = |kind: &str, target: usize, reach: f64| {
+            let kind = registry::find(kind).unwrap();
+            Candidate { kind, target }.winds_up(&hybrid, &[scales(reach); 2])
+        };
+        let friction = "position_dependent_friction";
+        assert!(winds(friction, 1, 20.0) && !winds(friction, 1, 2.0));
+        assert!(!winds(friction, 0, 20.0), "a cart does not go round");
+        assert!(!winds("coulomb_friction", 1, 20.0));
     }
 }

@@ -207,7 +207,14 @@ fn key(study: &Study, hybrid: &Hybrid, start: &Start, iterations: [usize; 2]) ->
         columns.for_each(|column| out.floats(column));
     }
     out.float(study.interval);
-    let counts = [study.substeps, study.finer, iterations[0], iterations[1]];
+    let stiff = usize::from(hybrid.is_stiff());
+    let counts = [
+        study.substeps,
+        study.finer,
+        stiff,
+        iterations[0],
+        iterations[1],
+    ];
     counts.iter().for_each(|&n| out.count(n));
     for placed in hybrid.effects() {
         out.text(placed.kind.name);

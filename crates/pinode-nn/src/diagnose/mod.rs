@@ -184,10 +184,9 @@ pub(crate) fn diagnose_into(
         residuals,
         ..
     } = cleaned;
-    let mut splits = experiment::splits(&prepared.study, &search, &names, report);
-    let (mut study, mut coarse) = numerics::finer(model, &prepared.study, &mut search, report);
-    let sharpness = (numerics::may_sharpen(model), !coarse.is_empty());
-    if let Some(finer) = simplify::simplify(&study, &mut search, sharpness, report) {
+    let mut splits = experiment::splits(&search.study, &search, &names, report);
+    let (mut study, mut coarse) = numerics::finer(&mut search, report);
+    if let Some(finer) = simplify::simplify(&study, &mut search, !coarse.is_empty(), report) {
         study = finer;
         // Coarser fits have other names.
         coarse.clear();

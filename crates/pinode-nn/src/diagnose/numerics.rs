@@ -3,7 +3,6 @@
 use super::search::Search;
 use super::stops::hardened;
 use super::study::{Fitted, MOST_SUBSTEPS, Study};
-use crate::model::Model;
 use crate::shooting::{Member, Window, roll_all};
 use crate::smoothing::{SmoothingError, VISIBLE, compare};
 
@@ -11,6 +10,8 @@ use crate::smoothing::{SmoothingError, VISIBLE, compare};
 const STEP_ERROR: f64 = 0.3;
 /// Dry friction is fitted again when sticking would move a coordinate by more than what shows, with so much of that as is aimed at.
 const AIM: f64 = 0.5;
+/// … but not by more than this at once.
+const SHARPEST: f64 = 0.02;
 /// Less than this is gained by no fit.
 const WORTH_A_FIT: f64 = 0.8;
 /// Its iterations.
@@ -51,15 +52,11 @@ pub fn set_valued(study: &Study, fitted: &Fitted) -> Option<SmoothingError> {
 /// A study with shorter steps and what was found as a fit in it has it, where that is better.
 type Refined = Option<(Study, Fitted)>;
 
-/// What was found for `model`, with its stops as hard and its dry friction as sharp as the data see them where that explains them better: in the study
+/// What was found, with its stops as hard and its dry friction as sharp as the data see them where that explains them better: in the study
 /// with the steps that this takes; and the studies and fits before that, the last one last.
-pub fn finer(
-    model: &Model,
-    study: &Study,
-    search: &mut Search,
-    report: &dyn Fn(&str),
-) -> (Study, Vec<(Study, Fitted)>) {
-    let (mut study, mut before) = (study.clone(), Vec::new());
+pub fn finer(search: &mut Search, report: &dyn Fn(&str)) -> (Study, Vec<(Study, Fitted)>) {
+    let (mut study, mut before) = (search.study.clone(), Vec::new());
+    let may_sharpen = study.may_sharpen;
     let has_stops = search
         .found
         .iter()
@@ -74,15 +71,10 @@ pub fn finer(
     if has_stops {
         take("harder stops", hardened);
     }
-    if may_sharpen(model) {
+    if may_sharpen {
         take("friction that sticks", sharpened);
     }
     (study, before)
-}
-
-/// Whether the dry friction of a model may be made sharper: who says how sharp it is, is taken at his word.
-pub fn may_sharpen(model: &Model) -> bool {
-    model.effects.iter().all(|e| e.smoothing.is_none())
 }
 
 /// The model that was found with its dry friction as sharp as the data see it, and the study with the steps that this takes. `None` where that was found
@@ -105,14 +97,20 @@ pub fn shows(study: &Study, fitted: &Fitted) -> Option<f64> {
 
 /// A model with its dry friction as sharp as the data see it, fitted anew, and the study with the steps that this takes: where sticking would move a
 /// coordinate by more than [`VISIBLE`] from where the smoothed friction has it, the forces at low speed come out wrong for it. `None` where it would
-/// not, and where friction would become too fast for explicit steps first.
+/// not, and where next to no sharper friction is asked for.
 pub fn sharp(study: &Study, fitted: &Fitted) -> Refined {
     let worst = shows(study, fitted)?;
-    let factor = (AIM / worst).max(fitted.hybrid.sharpest(&fitted.inside.theta));
+    let theta = &fitted.inside.theta;
+    let (aimed, explicit) = (AIM / worst, fitted.hybrid.sharpest(theta));
+    // Implicit steps take several times as long: only where explicit ones would leave it in sight.
+    let factor = match explicit * worst < VISIBLE {
+        true => aimed.max(explicit),
+        false => aimed.max(SHARPEST),
+    };
     if factor > WORTH_A_FIT {
         return None;
     }
-    let hybrid = fitted.hybrid.sharpened(factor);
+    let hybrid = fitted.hybrid.sharpened(factor, theta);
     let mut study = study.clone();
     let fit = |study: &Study, from: &Fitted| {
         let start = from.start(from.inside.theta.clone());

@@ -5,7 +5,8 @@ use std::sync::OnceLock;
 use super::candidate::Candidate;
 use super::found::{Found, prune, revisit};
 use super::misfit::explained;
-use super::pushes::{stripped, with_pushes};
+use super::numerics::sharp;
+use super::pushes::{is_push, stripped, with_pushes};
 use super::refine::{Contender, is_sensible, rank};
 use super::remainder::Remainder;
 use super::screen;
@@ -29,6 +30,8 @@ pub struct Search {
     pub found: Vec<Found>,
     /// The model with it.
     pub model: Fitted,
+    /// The study that it was fitted in: with shorter steps where its friction needs them.
+    pub study: Study,
     /// What the model explains that the given one does not, nats.
     pub gain: f64,
     /// What it leaves, where that follows from anything.
@@ -124,7 +127,7 @@ impl Search {
 /// Searches for what `null` is missing.
 ///
 /// When one effect does not suffice, the strongest rivals of the first are followed as well: a stand-in that is accepted first can
-/// shut out a pair that explains more.
+/// shut out a pair that explains more. So is friction that the log's rests show, which does better as soon as it is sharp.
 ///
 /// Where nothing is found, it is looked for again beside pushes from outside, if there are any.
 pub fn search(study: &Study, null: Fitted, seed: u64, report: Report) -> Search {
@@ -148,26 +151,27 @@ pub fn search(study: &Study, null: Fitted, seed: u64, report: Report) -> Search 
 
 /// The search after its `first` step.
 fn search_from(study: &Study, null: Fitted, first: Step, seed: u64, report: Report) -> Search {
-    let mut path = Path::new(null.clone(), first.clone());
+    let mut path = Path::new(study, null.clone(), first.clone());
     if let Some(k) = first.accepted {
-        path.follow(study, &null, k, seed, report);
+        path.follow(&null, k, seed, report);
     }
-    if path.added.len() > 1 {
-        for k in rivals_of_the_first(&first, &null) {
-            report(&format!(
-                "following {} instead",
-                first.contenders[k].added[0].kind.name
-            ));
-            let mut other = Path::new(null.clone(), first.clone());
-            other.follow(study, &null, k, seed, report);
-            if other.beats(&path) {
-                path = other;
-            }
+    let many = path.added.len() > 1;
+    let shown = |k: &usize| holds(study, &null, &first.contenders[*k]);
+    let rivals = rivals_of_the_first(&first, &null).into_iter();
+    for k in rivals.filter(|k| many || shown(k)) {
+        report(&format!(
+            "following {} instead",
+            first.contenders[k].added[0].kind.name
+        ));
+        let mut other = Path::new(study, null.clone(), first.clone());
+        other.follow(&null, k, seed, report);
+        if other.beats(&path) {
+            path = other;
         }
     }
     // What is found first may be a small part of what friction with a memory does.
     let simple = path.added.iter().all(|c| !is_second_choice(c.kind));
-    let left = path.current.hint(study, false);
+    let left = path.current.hint(&path.study, false);
     let rubs = left.is_some_and(Remainder::may_be_friction);
     if !path.added.is_empty() && simple && rubs {
         report("asking for friction with a memory instead");
@@ -181,8 +185,8 @@ fn search_from(study: &Study, null: Fitted, first: Step, seed: u64, report: Repo
                 contenders,
                 accepted: Some(k),
             };
-            let mut other = Path::new(null.clone(), step);
-            other.follow(study, &null, k, seed, report);
+            let mut other = Path::new(study, null.clone(), step);
+            other.follow(&null, k, seed, report);
             if other.beats(&path) {
                 path = other;
             }
@@ -192,11 +196,20 @@ fn search_from(study: &Study, null: Fitted, first: Step, seed: u64, report: Repo
         mut current,
         mut added,
         steps,
+        study,
     } = path;
-    let mut found = revisit(study, &null, &mut current, &mut added, &steps, seed, report);
+    let mut found = revisit(
+        &study,
+        &null,
+        &mut current,
+        &mut added,
+        &steps,
+        seed,
+        report,
+    );
     report("asking whether what is left follows from anything");
-    let left = current.left(study).cloned();
-    let explained = explained(study, &null, &current);
+    let left = current.left(&study).cloned();
+    let explained = explained(&study, &null, &current);
     for found in &mut found {
         found.believe(explained.min(found.share_beside(left.as_ref())));
     }
@@ -206,6 +219,7 @@ fn search_from(study: &Study, null: Fitted, first: Step, seed: u64, report: Repo
         steps,
         found,
         model: current,
+        study,
         left,
         pushed: false,
     }
@@ -251,31 +265,42 @@ fn rivals_of_the_first(first: &Step, null: &Fitted) -> Vec<usize> {
     rivals
 }
 
+/// Whether it is dry friction that the rests in the log show.
+fn holds(study: &Study, null: &Fitted, contender: &Contender) -> bool {
+    contender.added.iter().all(|c| {
+        let scales = c.scales(&null.hybrid, &study.scales);
+        c.kind.dry().is_some() && !c.kind.suggested(&scales).is_empty()
+    })
+}
+
 /// One way from the null model on.
 struct Path {
     steps: Vec<Step>,
     added: Vec<Candidate>,
     current: Fitted,
+    /// The study that the current model was fitted in.
+    study: Study,
 }
 
 impl Path {
-    fn new(null: Fitted, first: Step) -> Self {
+    fn new(study: &Study, null: Fitted, first: Step) -> Self {
         Path {
             steps: vec![first],
             added: Vec::new(),
             current: null,
+            study: study.clone(),
         }
     }
 
     /// Takes contender `k` of the first step and goes on until nothing is accepted.
-    fn follow(&mut self, study: &Study, null: &Fitted, k: usize, seed: u64, report: Report) {
+    fn follow(&mut self, null: &Fitted, k: usize, seed: u64, report: Report) {
         let mut next = Some(k);
         let mut before: Vec<Vec<Candidate>> = vec![self.added.clone()];
         while let Some(k) = next {
             if let Some(step) = self.steps.last_mut() {
                 step.accepted = Some(k);
                 let accepted = step.contenders[k].clone();
-                self.take(study, null, accepted, report);
+                self.take(null, accepted, report);
             }
             // What is taken and dropped at once would be taken again, and so on.
             let same = |old: &Vec<Candidate>| {
@@ -291,13 +316,13 @@ impl Path {
             if self.added.len() >= MOST_EFFECTS {
                 break;
             }
-            let step = one_step(study, &self.current, Turn::Further, seed, report);
+            let step = one_step(&self.study, &self.current, Turn::Further, seed, report);
             next = step.accepted;
             self.steps.push(step);
         }
     }
 
-    fn take(&mut self, study: &Study, null: &Fitted, accepted: Contender, report: Report) {
+    fn take(&mut self, null: &Fitted, accepted: Contender, report: Report) {
         for candidate in &accepted.added {
             report(&format!(
                 "accepted: {} (z {:.1}, held out {:.1})",
@@ -306,7 +331,29 @@ impl Path {
         }
         self.added.extend(accepted.added);
         self.current = accepted.fitted;
-        prune(study, null, &mut self.current, &mut self.added, report);
+        prune(
+            &self.study,
+            null,
+            &mut self.current,
+            &mut self.added,
+            report,
+        );
+        self.sharpen();
+    }
+
+    /// What friction that sticks does and smoothed friction does not, is not missing.
+    fn sharpen(&mut self) {
+        let pushed = self.current.hybrid.effects().iter().any(is_push);
+        if pushed || !self.study.may_sharpen {
+            return;
+        }
+        if let Some((study, sharp)) = sharp(&self.study, &self.current) {
+            let gain = Comparison::of(&sharp, &self.current);
+            let mut added = self.added.iter();
+            if gain.total() > 0.0 && added.all(|c| is_sensible(&study, c, &sharp)) {
+                (self.study, self.current) = (study, sharp);
+            }
+        }
     }
 
     /// Whether this model explains the windows better, or as well with fewer constants or with those given less stretched.

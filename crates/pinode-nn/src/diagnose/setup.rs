@@ -121,6 +121,7 @@ pub fn prepare(
         interval,
         substeps,
         finer: 1,
+        may_sharpen: model.effects.iter().all(|e| e.smoothing.is_none()),
         without: means.without.clone(),
         kept: means.kept.clone(),
         observations,

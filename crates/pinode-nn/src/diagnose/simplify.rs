@@ -17,13 +17,12 @@ const ITERATIONS: usize = 12;
 /// contains is called by that one's name, unless it explains what that leaves; so is one that owes them to friction that is not sharp enough, where the
 /// simpler one does as well with sharper friction. One that may as well do nothing, and any of several where the numerics of `study` are `refined`
 /// beyond those that it was found with, is asked for once more beside the others. The study with the steps that this takes, where a name changed.
-/// `sharpen`: whether friction may be made sharper.
 ///
 /// What was found beside pushes stays: without them its constants mean nothing.
 pub fn simplify(
     study: &Study,
     search: &mut Search,
-    (sharpen, refined): (bool, bool),
+    refined: bool,
     report: Report,
 ) -> Option<Study> {
     if search.pushed {
@@ -32,7 +31,7 @@ pub fn simplify(
     let mut study = study.clone();
     let mut changed = false;
     for k in 0..search.found.len() {
-        if let Some((simple, finer, fitted)) = simpler(&study, search, k, sharpen) {
+        if let Some((simple, finer, fitted)) = simpler(&study, search, k) {
             let rich = search.found[k].candidate;
             report(&format!(
                 "{} does no more than {}",
@@ -73,12 +72,7 @@ pub fn simplify(
 
 /// The law with one constant that the `k`th of what was found contains and does not exceed, and the model with it instead, in the study that it was
 /// fitted in.
-fn simpler(
-    study: &Study,
-    search: &Search,
-    k: usize,
-    sharpen: bool,
-) -> Option<(Candidate, Study, Fitted)> {
+fn simpler(study: &Study, search: &Search, k: usize) -> Option<(Candidate, Study, Fitted)> {
     let (rich, model) = (search.found[k].candidate, &search.model);
     let index = position(model, &rich)?;
     let theta = &model.inside.theta;
@@ -98,7 +92,7 @@ fn simpler(
         .peekable();
     contained.peek()?;
     // Constants that make up for friction that is not sharp enough are as sure as others.
-    let owes = sharpen && rich.kind.dry().is_some() && shows(study, model).is_some();
+    let owes = study.may_sharpen && rich.kind.dry().is_some() && shows(study, model).is_some();
     if !owes && does_more(study, &rich, model, &[size]) {
         return None;
     }
@@ -111,7 +105,7 @@ fn simpler(
         hybrid.add(placed, &[size], false);
         theta.push(size);
         let fitted = study.fit(hybrid, model.start(theta), 1, ITERATIONS);
-        let sharper = sharpen.then(|| sharp(study, &fitted)).flatten();
+        let sharper = study.may_sharpen.then(|| sharp(study, &fitted)).flatten();
         let fits = [Some((study.clone(), fitted)), sharper];
         fits.into_iter().flatten().find_map(|(study, fitted)| {
             let lead = Comparison::of(model, &fitted);

@@ -392,7 +392,7 @@ fn is_numerically_sound(study: &Study, current: &Fitted, contender: &Contender) 
         return true;
     }
     let fine = Study {
-        finer: 2,
+        finer: 2 * study.finer,
         ..study.clone()
     };
     let again = |fitted: &Fitted| {

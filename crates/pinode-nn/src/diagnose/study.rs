@@ -47,6 +47,8 @@ pub struct Study {
     pub substeps: usize,
     /// All steps are shorter by this factor: 2 to see whether a finding is numerical.
     pub finer: usize,
+    /// Whether dry friction may be made sharper than the model says; who says how sharp it is, is taken at his word.
+    pub may_sharpen: bool,
     /// Kinds of effects that are no candidates.
     pub without: Vec<&'static Kind>,
     /// Where finished fits are kept.

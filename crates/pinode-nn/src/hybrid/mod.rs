@@ -280,20 +280,20 @@ impl Hybrid {
         rates.fold(0.0, f64::max)
     }
 
-    /// The least factor on the smoothing of dry friction at θ that leaves it slow enough for the steps that are taken; 1 where they are implicit.
+    /// The least factor on the smoothing of dry friction at θ that leaves it slow enough for explicit steps; 0 where the steps are implicit already.
     pub(crate) fn sharpest(&self, theta: &[f64]) -> f64 {
         match self.stiff {
-            true => 1.0,
+            true => 0.0,
             false => self.fastest_friction(theta) / (CLOSE_TO_STIFF * STIFF),
         }
     }
 
-    /// The model with the smoothing of all friction that may stick times `factor`.
-    pub(crate) fn sharpened(&self, factor: f64) -> Self {
-        self.smoothed_by(
-            factor,
-            |kind| matches!(kind.action, Action::Joint(law) if law.dry().is_some()),
-        )
+    /// The model with the smoothing of all friction that may stick times `factor`, with implicit steps if it is too fast for others at θ.
+    pub(crate) fn sharpened(&self, factor: f64, theta: &[f64]) -> Self {
+        let is_dry = |kind: &Kind| matches!(kind.action, Action::Joint(law) if law.dry().is_some());
+        let mut sharp = self.smoothed_by(factor, is_dry);
+        sharp.stiff |= sharp.fastest_friction(theta) > STIFF;
+        sharp
     }
 
     /// The same with implicit steps or without, whatever its friction.

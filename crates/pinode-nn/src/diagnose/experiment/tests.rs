@@ -151,6 +151,7 @@ fn found(
         gain: found.comparison.total(),
         found: vec![found],
         model: fitted,
+        study: study.clone(),
         left: None,
         pushed: false,
     };

@@ -21,6 +21,7 @@ pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) ->
         .into_iter()
         .filter(|candidate| counts(candidate.kind))
         .filter(|candidate| !study.without.contains(&candidate.kind))
+        .filter(|candidate| !candidate.winds_up(hybrid, &study.scales))
         .flat_map(|candidate| {
             let contained = candidate.contained(hybrid, &fit.theta);
             (candidate.kind.probes)(&candidate.scales(hybrid, &study.scales), &contained)
