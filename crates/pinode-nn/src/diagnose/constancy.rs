@@ -29,7 +29,7 @@ pub fn change(study: &Study, search: &Search, inputs: &[String]) -> Option<Chang
             return None;
         }
         let series: Vec<f64> = influences.iter().map(|p| p[k]).collect();
-        let (statistic, last) = furthest(&series)?;
+        let (statistic, last, runs_to) = furthest(&series)?;
         let sum: f64 = series[..=last].iter().sum();
         let (count, first) = (series.len() as f64, (last + 1) as f64);
         let value = fit.theta[index];
@@ -42,7 +42,9 @@ pub fn change(study: &Study, search: &Search, inputs: &[String]) -> Option<Chang
             false => 0.0,
         };
         let tells = (before - after).abs() > known.max(WORTH_TELLING * value.abs());
-        (statistic > RUNS_AWAY && tells).then(|| {
+        // A few windows may pull the other way, so strongly that they say by how much it changes.
+        let agrees = sum * runs_to > 0.0;
+        (statistic > RUNS_AWAY && tells && agrees).then(|| {
             let window = windows[last];
             let run = &study.observations.runs[window.run];
             let end = (window.first + window.count)
@@ -62,13 +64,18 @@ pub fn change(study: &Study, search: &Search, inputs: &[String]) -> Option<Chang
     found.max_by(|a, b| a.statistic.total_cmp(&b.statistic))
 }
 
-/// The largest of the sums of the signs of a series less their mean, over the root of the sum of their squares; and where it ends.
-fn furthest(series: &[f64]) -> Option<(f64, usize)> {
+/// The largest of the sums of the signs of a series less their mean, over the root of the sum of their squares; where it ends, and the sum itself.
+fn furthest(series: &[f64]) -> Option<(f64, usize, f64)> {
     let count = series.len();
     if count < FEWEST || series.iter().any(|x| !x.is_finite()) {
         return None;
     }
-    let signs = || series.iter().map(|x| x.signum());
+    // What does not pull at all has no sign.
+    let signs = || {
+        series
+            .iter()
+            .map(|&x| if x == 0.0 { 0.0 } else { x.signum() })
+    };
     let mean = signs().sum::<f64>() / count as f64;
     let size = signs().map(|s| (s - mean).powi(2)).sum::<f64>().sqrt();
     let mut sum = 0.0;
@@ -77,7 +84,7 @@ fn furthest(series: &[f64]) -> Option<(f64, usize)> {
         (w, sum)
     });
     let (last, sum) = sums.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
-    (size > 0.0).then(|| (sum.abs() / size, last))
+    (size > 0.0).then(|| (sum.abs() / size, last, sum))
 }
 
 #[cfg(test)]
@@ -93,15 +100,15 @@ mod tests {
     #[test]
     fn a_series_that_steps_half_way_runs_away_there_and_noise_does_not() {
         let still: Vec<f64> = (0..80).map(noise).collect();
-        let (at_rest, _) = furthest(&still).unwrap();
+        let (at_rest, ..) = furthest(&still).unwrap();
         assert!(at_rest < 1.4, "{at_rest}");
         let step = |i: usize| if i < 40 { 1.0 } else { -1.0 };
         // One window pulls a hundred times as strongly as the others, the other way.
         let pull = |i: usize| if i == 30 { -100.0 } else { noise(i) + step(i) };
         let stepped: Vec<f64> = (0..80).map(pull).collect();
-        let (statistic, last) = furthest(&stepped).unwrap();
+        let (statistic, last, sum) = furthest(&stepped).unwrap();
         assert!(statistic > RUNS_AWAY, "{statistic}");
-        assert!(last.abs_diff(39) <= 2, "{last}");
+        assert!(last.abs_diff(39) <= 2 && sum > 0.0, "{last}, {sum}");
     }
 
     #[test]

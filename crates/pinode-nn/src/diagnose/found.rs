@@ -11,7 +11,10 @@ use super::screen::screen;
 use super::step::{LEAST_T2, Report, Step, is_second_choice, lookalikes, simpler};
 use super::study::{Comparison, Fitted, Study};
 use crate::effect::{ActsOn, Kind};
-use crate::hybrid::Hybrid;
+use crate::hybrid::{Hybrid, Placed};
+
+/// So many draws cannot promise more.
+const SUREST: f64 = 1.0 - 1.0 / DRAWS as f64;
 
 /// A found effect.
 #[derive(Clone)]
@@ -35,6 +38,18 @@ impl Found {
     pub fn share_beside(&self, left: Option<&Remainder>) -> f64 {
         let own = self.comparison.total().max(0.0);
         left.map_or(1.0, |left| own / (own + left.gain))
+    }
+
+    /// Calls it by the name of a law that its own contains: what spoke for either speaks for that.
+    pub fn rename(&mut self, simple: Candidate, rich: Candidate) {
+        let same = |c: &Candidate| *c == simple || *c == rich;
+        let of_both = self.alternatives.iter().filter(|(c, _)| same(c));
+        let more: f64 = of_both.map(|(_, confidence)| confidence).sum();
+        self.candidate = simple;
+        self.confidence = (self.confidence + more).min(SUREST);
+        self.alternatives.retain(|(c, _)| !same(c));
+        self.indistinguishable.retain(|c| !same(c));
+        self.rivals.retain(|(c, _)| !same(c));
     }
 
     /// Its probabilities, and those of its rivals, are those under a condition that holds with the probability `share`.
@@ -75,7 +90,19 @@ pub fn stripped(null: &Fitted, current: &Fitted, index: usize) -> (Hybrid, Vec<f
             let fixed = null.hybrid.constants()[range]
                 .iter()
                 .all(|c| c.tolerance == 0.0);
-            hybrid.add(*placed, values, fixed);
+            // As sharp as what had taken its place.
+            let smoothing = match placed.kind.dry().and(removed.kind.dry()) {
+                Some(_) => removed.smoothing,
+                None => placed.smoothing,
+            };
+            hybrid.add(
+                Placed {
+                    smoothing,
+                    ..*placed
+                },
+                values,
+                fixed,
+            );
             theta.extend_from_slice(values);
         }
     }
@@ -281,8 +308,7 @@ fn weigh(
     }
     Found {
         candidate,
-        // So many draws cannot promise more.
-        confidence: confidence.min(1.0 - 1.0 / DRAWS as f64),
+        confidence: confidence.min(SUREST),
         alternatives,
         indistinguishable,
         rivals: fitted,

@@ -7,7 +7,7 @@
 //! 4. Search: every candidate is screened from one linearisation; the best are refined by a fit; one is accepted
 //!    when it explains the windows better, pair by pair, both on those the fit saw and on those held out. Where none is, the same again beside
 //!    pushes that nobody measured.
-//! 5. Dry friction is fitted once more, as sharp as the data see it.
+//! 5. Dry friction is fitted as sharp as the data see it, as soon as it is found and in the end; then names with fewer constants are asked for once more.
 //! 6. The new model is written, read back, and run free over held-out data. What does not shrink the gap there is not added.
 //! 7. What is left and no effect explains is taught to a small network on that coordinate, which is described and added where it explains windows that it
 //!    has not seen and shrinks the gap.
@@ -58,6 +58,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use self::audit::{Audited, Masked, second_look};
+use self::candidate::Candidate;
 use self::curves::{Curves, ResidualForce};
 use self::kept::Kept;
 use self::last_resort::Resort;
@@ -188,8 +189,9 @@ pub(crate) fn diagnose_into(
     let (mut study, mut coarse) = numerics::finer(&mut search, report);
     if let Some(finer) = simplify::simplify(&study, &mut search, !coarse.is_empty(), report) {
         study = finer;
-        // Coarser fits have other names.
-        coarse.clear();
+        let found = search.found.iter().map(|f| f.candidate);
+        let found: Vec<Candidate> = found.collect();
+        coarse.retain(|(_, model)| search::has_names(model, &found));
         splits = experiment::splits(&study, &search, &names, report);
     }
 

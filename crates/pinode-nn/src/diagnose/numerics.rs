@@ -55,7 +55,8 @@ type Refined = Option<(Study, Fitted)>;
 /// What was found, with its stops as hard and its dry friction as sharp as the data see them where that explains them better: in the study
 /// with the steps that this takes; and the studies and fits before that, the last one last.
 pub fn finer(search: &mut Search, report: &dyn Fn(&str)) -> (Study, Vec<(Study, Fitted)>) {
-    let (mut study, mut before) = (search.study.clone(), Vec::new());
+    let mut study = search.study.clone();
+    let mut before: Vec<(Study, Fitted)> = search.smooth.take().into_iter().collect();
     let may_sharpen = study.may_sharpen;
     let has_stops = search
         .found
@@ -104,7 +105,7 @@ pub fn sharp(study: &Study, fitted: &Fitted) -> Refined {
     let (aimed, explicit) = (AIM / worst, fitted.hybrid.sharpest(theta));
     // Implicit steps take several times as long: only where explicit ones would leave it in sight.
     let factor = match explicit * worst < VISIBLE {
-        true => aimed.max(explicit),
+        true => aimed.max(explicit).max(SHARPEST),
         false => aimed.max(SHARPEST),
     };
     if factor > WORTH_A_FIT {

@@ -110,6 +110,7 @@ impl Proof<'_> {
                 continue;
             }
             report("what was found does not shrink the gap on unseen data: it is not added");
+            study = self.prepared.study.clone();
             search.withdraw(&study);
         }
     }

@@ -69,7 +69,7 @@ fn rests(observations: &Observations, c: usize) -> Vec<Rest> {
         };
         let mut first = 0;
         while first < y.len() {
-            let mut end = first;
+            let (mut end, mut valid) = (first, 0);
             let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
             while end < y.len() {
                 if run.valid[c][end] {
@@ -78,11 +78,13 @@ fn rests(observations: &Observations, c: usize) -> Vec<Rest> {
                         break;
                     }
                     (least, most) = (low, high);
+                    valid += 1;
                 }
                 end += 1;
             }
             range = [range[0].min(least), range[1].max(most)];
-            if end - first >= FEWEST_SAMPLES {
+            // What is not read says nothing of a rest.
+            if valid >= FEWEST_SAMPLES && 2 * valid > end - first {
                 found.push(Rest {
                     run: index,
                     first,
@@ -115,7 +117,8 @@ impl Lacking {
         };
         for (run, smooth) in observations.runs.iter().zip(smoothed) {
             let inputs = hybrid.drive(&run.t, &run.u, 1, &theta, &[]);
-            let at = |sample: usize| smooth.state(sample);
+            let readings = hybrid.readings(&theta, &[]);
+            let at = |sample: usize| smooth.behind(&readings, &run.t, sample);
             let hidden = hybrid.hidden_path(&theta, &inputs, &at);
             let n = run.t.len();
             let (mut force, mut acceleration) = (vec![vec![0.0; n]; nv], vec![vec![0.0; n]; nv]);

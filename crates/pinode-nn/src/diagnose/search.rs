@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use super::candidate::Candidate;
-use super::found::{Found, prune, revisit};
+use super::found::{Found, position, prune, revisit};
 use super::misfit::explained;
 use super::numerics::sharp;
 use super::pushes::{is_push, stripped, with_pushes};
@@ -32,6 +32,8 @@ pub struct Search {
     pub model: Fitted,
     /// The study that it was fitted in: with shorter steps where its friction needs them.
     pub study: Study,
+    /// The same names with friction that is less sharp, where the search made it sharper, and the study of that.
+    pub smooth: Option<(Study, Fitted)>,
     /// What the model explains that the given one does not, nats.
     pub gain: f64,
     /// What it leaves, where that follows from anything.
@@ -41,8 +43,10 @@ pub struct Search {
 }
 
 impl Search {
-    /// Takes back what was found: the model is the one given.
+    /// Takes back what was found: the model is the one given, fitted in `study`.
     pub fn withdraw(&mut self, study: &Study) {
+        self.study = study.clone();
+        self.smooth = None;
         self.found.clear();
         self.model = self.null.clone();
         self.gain = 0.0;
@@ -54,16 +58,15 @@ impl Search {
 
     /// Whether another fit of the model with what was found explains the windows better, and what was found is in it what it is called.
     pub fn improves(&self, study: &Study, model: &Fitted) -> bool {
-        let gain = Comparison::of(model, &self.model);
-        let better = gain.total() > 0.0 && gain.outside.z > -2.0;
-        let mut found = self.found.iter();
-        better && found.all(|found| is_sensible(study, &found.candidate, model))
+        let found = self.found.iter().map(|found| &found.candidate);
+        improves(study, (model, &self.model), found)
     }
 
     /// Takes another fit of the model with what was found, in place of the one that it returns.
     pub fn refitted(&mut self, study: &Study, model: Fitted) -> Fitted {
         self.gain = Comparison::of(&model, &self.null).total();
         self.left = model.left(study).cloned();
+        self.study = study.clone();
         let before = std::mem::replace(&mut self.model, model);
         self.normalise();
         before
@@ -122,6 +125,22 @@ impl Search {
         let left = self.left.as_ref();
         left.is_none_or(|left| left.gain < self.gain)
     }
+}
+
+/// Whether a fit explains the windows better than an old one, and what was `added` is in it what it is called.
+fn improves<'a>(
+    study: &Study,
+    (new, old): (&Fitted, &Fitted),
+    mut added: impl Iterator<Item = &'a Candidate>,
+) -> bool {
+    let gain = Comparison::of(new, old);
+    let better = gain.total() > 0.0 && gain.outside.z > -2.0;
+    better && added.all(|candidate| is_sensible(study, candidate, new))
+}
+
+/// Whether a model has these effects.
+pub fn has_names(model: &Fitted, names: &[Candidate]) -> bool {
+    names.iter().all(|name| position(model, name).is_some())
 }
 
 /// Searches for what `null` is missing.
@@ -197,6 +216,7 @@ fn search_from(study: &Study, null: Fitted, first: Step, seed: u64, report: Repo
         mut added,
         steps,
         study,
+        smooth,
     } = path;
     let mut found = revisit(
         &study,
@@ -218,6 +238,7 @@ fn search_from(study: &Study, null: Fitted, first: Step, seed: u64, report: Repo
         null,
         steps,
         found,
+        smooth: smooth.filter(|(_, model)| has_names(model, &added)),
         model: current,
         study,
         left,
@@ -280,6 +301,8 @@ struct Path {
     current: Fitted,
     /// The study that the current model was fitted in.
     study: Study,
+    /// Both before the friction of the current one was made sharper.
+    smooth: Option<(Study, Fitted)>,
 }
 
 impl Path {
@@ -289,6 +312,7 @@ impl Path {
             added: Vec::new(),
             current: null,
             study: study.clone(),
+            smooth: None,
         }
     }
 
@@ -331,6 +355,7 @@ impl Path {
         }
         self.added.extend(accepted.added);
         self.current = accepted.fitted;
+        self.smooth = None;
         prune(
             &self.study,
             null,
@@ -347,12 +372,12 @@ impl Path {
         if pushed || !self.study.may_sharpen {
             return;
         }
-        if let Some((study, sharp)) = sharp(&self.study, &self.current) {
-            let gain = Comparison::of(&sharp, &self.current);
-            let mut added = self.added.iter();
-            if gain.total() > 0.0 && added.all(|c| is_sensible(&study, c, &sharp)) {
-                (self.study, self.current) = (study, sharp);
-            }
+        if let Some((study, sharp)) = sharp(&self.study, &self.current)
+            && improves(&study, (&sharp, &self.current), self.added.iter())
+        {
+            let study = std::mem::replace(&mut self.study, study);
+            let current = std::mem::replace(&mut self.current, sharp);
+            self.smooth = Some((study, current));
         }
     }
 

@@ -1,5 +1,7 @@
 //! Names that the final fit does not bear out: numerics that are too coarse for a law are explained by another's additional constants.
 
+use integrators::event::Direction;
+
 use super::candidate::Candidate;
 use super::found::{position, prune, stripped, without};
 use super::numerics::{sharp, shows};
@@ -41,16 +43,13 @@ pub fn simplify(
             let index = position(&fitted, &simple);
             let reduced = index.map(|index| without(&study, &search.null, &fitted, index));
             let found = &mut search.found[k];
-            found.candidate = simple;
             if let Some(reduced) = &reduced {
                 found.comparison = Comparison::of(&fitted, reduced);
             }
-            found
-                .alternatives
-                .retain(|(c, _)| *c != simple && *c != rich);
-            found.indistinguishable.retain(|c| *c != simple);
+            found.rename(simple, rich);
             if Comparison::of(&search.model, &fitted).nearly_explains() {
                 found.indistinguishable.push(rich);
+                found.rivals.push((rich, search.model.clone()));
             }
             search.refitted(&study, fitted);
             changed = true;
@@ -76,8 +75,16 @@ fn simpler(study: &Study, search: &Search, k: usize) -> Option<(Candidate, Study
     let (rich, model) = (search.found[k].candidate, &search.model);
     let index = position(model, &rich)?;
     let theta = &model.inside.theta;
-    // All of them have the size of the one that they contain in front.
-    let size = theta[model.hybrid.range(index)].first().copied()?;
+    // Friction with a memory is what it is called by more than its size.
+    if rich.kind.states() > 0 {
+        return None;
+    }
+    let own = &theta[model.hybrid.range(index)];
+    let scales = rich.scales(&model.hybrid, &study.scales);
+    let size = match rich.kind.dry() {
+        Some(law) => law.size(Direction::Positive, scales.centre, scales.speed, own),
+        None => own.first().copied()?,
+    };
     let known = search.null.hybrid.effects();
     let is_known = |simple: &Candidate| {
         let same = |e: &Placed| e.kind == simple.kind && e.target == simple.target;

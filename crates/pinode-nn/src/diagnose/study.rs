@@ -470,3 +470,23 @@ fn with_hidden(
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_explanation_is_large_enough_and_sure_on_the_windows_that_the_fit_saw_and_on_those_held_out()
+     {
+        let large = (0.051, 0.026);
+        assert_eq!(lacks((4.1, 2.1), large), None);
+        assert_eq!(lacks((3.9, 2.1), large), Some(Lack::Gain));
+        assert_eq!(lacks((3.1, 3.1), large), None, "as sure on both");
+        assert_eq!(lacks((2.9, 9.0), large), Some(Lack::Gain));
+        assert_eq!(lacks((4.1, 1.9), large), Some(Lack::GainHeldOut));
+        assert_eq!(lacks((9.0, 9.0), (0.049, 0.026)), Some(Lack::Gain));
+        assert_eq!(lacks((9.0, 9.0), (0.051, 0.024)), Some(Lack::GainHeldOut));
+        let nan = f64::NAN;
+        assert_eq!(lacks((nan, 9.0), large), Some(Lack::Gain));
+    }
+}

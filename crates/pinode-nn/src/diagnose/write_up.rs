@@ -56,7 +56,7 @@ pub fn revision(
                 target,
                 values: theta[range.clone()].to_vec(),
                 smoothing: own.and_then(|own| own.smoothing).or_else(|| {
-                    let default = hybrid.default_smoothing(angular);
+                    let default = hybrid.unsaid_smoothing(angular);
                     (placed.kind.is_smoothed() && placed.smoothing != default)
                         .then_some(placed.smoothing)
                 }),

@@ -130,8 +130,10 @@ pub struct Hybrid {
     variants: Option<Arc<Variants>>,
     /// What the effects add to M, C and G.
     extra: Option<Arc<Extra>>,
-    /// Whether friction in the model as given is too fast for explicit steps.
+    /// Whether its friction is too fast for explicit steps.
     stiff: bool,
+    /// Factors on the smoothing of friction of which nothing is said: what a model file means by that, and by how much sharper it was made since.
+    sharpness: (f64, f64),
 }
 
 /// The inputs of one recording on its integration grid, after the drives, times their gains.
@@ -150,6 +152,7 @@ impl Hybrid {
         let mut hybrid = Hybrid::explicit(model);
         hybrid.stiff = hybrid.fastest_friction(&hybrid.theta()) > STIFF;
         if hybrid.stiff {
+            hybrid.sharpness.0 = SHARPER;
             for (placed, entry) in hybrid.effects.iter_mut().zip(&model.effects) {
                 if entry.smoothing.is_none() {
                     placed.smoothing *= SHARPER;
@@ -247,9 +250,15 @@ impl Hybrid {
         Some(longest + back.unwrap_or(0) as f64 * interval)
     }
 
-    /// The velocity over which a sign change of friction is spread unless a model says otherwise, m/s or, of an angle, rad/s.
+    /// The velocity over which a sign change of friction is spread unless a model says otherwise, m/s or, of an angle, rad/s; in a fitted model as much
+    /// sharper as its own friction was made.
     pub fn default_smoothing(&self, angular: bool) -> f64 {
-        default_smoothing(angular) * if self.stiff { SHARPER } else { 1.0 }
+        self.unsaid_smoothing(angular) * self.sharpness.1
+    }
+
+    /// The same as the model's file has it where it says nothing.
+    pub(crate) fn unsaid_smoothing(&self, angular: bool) -> f64 {
+        default_smoothing(angular) * self.sharpness.0
     }
 
     /// The fastest rate of dry friction at rest where all coordinates are 0, −(M⁻¹)_jj ∂Q_j/∂v_j, 1/s; 0 where M has no inverse there, where a body
@@ -293,6 +302,7 @@ impl Hybrid {
         let is_dry = |kind: &Kind| matches!(kind.action, Action::Joint(law) if law.dry().is_some());
         let mut sharp = self.smoothed_by(factor, is_dry);
         sharp.stiff |= sharp.fastest_friction(theta) > STIFF;
+        sharp.sharpness.1 *= factor;
         sharp
     }
 
@@ -340,6 +350,7 @@ impl Hybrid {
             variants: None,
             extra: None,
             stiff: false,
+            sharpness: (1.0, 1.0),
         }
     }
 

@@ -4,13 +4,21 @@
 /// makes them far larger.
 const HIGHER: [usize; 3] = [8, 10, 12];
 const BELOW: f64 = 0.8;
+/// Fewer differences than this say nothing of them.
+const FEWEST: usize = 50;
 
 /// Noise of a sensor, from its readings alone: 1.4826 · median |Δᵐ y| / √(2m choose m), the smaller of m = 4 and m = 6. Differences
 /// of that order remove the motion; what is left of a fast one makes the lower order the larger, and both larger than those of still higher order, which
 /// are taken then.
 pub fn noise(runs: &[Vec<f64>]) -> f64 {
     let usual = of_order(runs, 4).min(of_order(runs, 6));
-    let higher = HIGHER.into_iter().map(|m| of_order(runs, m));
+    let differences = |m: &usize| {
+        runs.iter()
+            .map(|y| y.len().saturating_sub(*m))
+            .sum::<usize>()
+    };
+    let higher = HIGHER.into_iter().filter(|m| differences(m) >= FEWEST);
+    let higher = higher.map(|m| of_order(runs, m));
     higher.fold(usual, |least, noise| match noise < BELOW * least {
         true => noise,
         false => least,
@@ -103,6 +111,18 @@ mod tests {
             .collect();
         let found = noise(&[y]);
         assert!((found / 1e-4 - 1.0).abs() < 0.1, "{found}");
+    }
+
+    #[test]
+    fn short_runs_have_the_noise_of_the_orders_that_they_are_long_enough_for() {
+        let run = |r: usize| {
+            (0..12)
+                .map(|k| 1e-3 * crate::bins::pseudo(12 * r + k, 0.3))
+                .collect()
+        };
+        let few: Vec<Vec<f64>> = (0..3).map(run).collect();
+        let found = noise(&few);
+        assert!((2e-4..2e-3).contains(&found), "{found}");
     }
 
     #[test]

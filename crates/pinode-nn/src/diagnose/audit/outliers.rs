@@ -6,8 +6,11 @@ use super::noise::median;
 const MOST_OUTLIERS: f64 = 0.005;
 /// … but for those without which all around them is as it should be: no motion does that, only readings that are wrong.
 const MOST_SPIKES: f64 = 0.05;
-/// What is left around such a one without it, in units of the noise.
+/// What is left around such a one without it, in units of the noise. A blow leaves a sixth of it: a spike is larger than ten times that.
 const CLEAN: f64 = 6.0;
+const SPIKE: f64 = 10.0 * CLEAN;
+/// So many may always be.
+const FEW: usize = 3;
 
 /// False where a sample stands alone: away from the cubic through its four neighbours,
 ///
@@ -20,8 +23,8 @@ pub fn without_outliers(y: &[f64], noise: f64) -> Vec<bool> {
     loop {
         let (valid, spikes) = within(y, noise, factor);
         let others = valid.iter().filter(|v| !**v).count() - spikes;
-        let few = others <= 3 || (others as f64) < MOST_OUTLIERS * n;
-        if (few && (spikes as f64) < MOST_SPIKES * n) || factor > 1e6 {
+        let few = |count: usize, most: f64| count <= FEW || (count as f64) < most * n;
+        if (few(others, MOST_OUTLIERS) && few(spikes, MOST_SPIKES)) || factor > 1e6 {
             return valid;
         }
         factor *= 2.0;
@@ -62,7 +65,8 @@ fn is_spike(away: &[f64], i: usize, noise: f64) -> bool {
         let there = sides.into_iter().flatten().filter_map(|k| away.get(k));
         there.fold(0.0_f64, |most, e| most.max((e - share * away[i]).abs()))
     };
-    left(1, -4.0 / 6.0).max(left(2, 1.0 / 6.0)) < CLEAN * noise
+    let clean = left(1, -4.0 / 6.0).max(left(2, 1.0 / 6.0)) < CLEAN * noise;
+    clean && away[i].abs() > SPIKE * noise
 }
 
 #[cfg(test)]
@@ -90,14 +94,16 @@ mod tests {
         let valid = without_outliers(&spiky, 1e-3);
         assert!((25..3000).step_by(50).all(|k| !valid[k]));
         assert_eq!(valid.iter().filter(|v| !**v).count(), 60);
-        // A ball that bounces every 0.5 s: its speed of 10 m/s turns round between two samples.
-        let bounce = |k: usize| {
-            let t = 0.01 * ((k % 50) as f64 + 0.3);
-            10.0 * t - 20.0 * t * t
-        };
-        let struck: Vec<f64> = (0..3000).map(|k| bounce(k) + noise(k)).collect();
-        let masked = without_outliers(&struck, 1e-3);
-        let masked = masked.iter().filter(|v| !**v).count();
-        assert!(masked < 15, "{masked}");
+        // A ball that bounces every 0.5 s: its speed turns round at a sample or between two.
+        for (speed, phase) in [(2.0, 0.0), (2.0, 0.5), (3.0, 0.1), (10.0, 0.0), (10.0, 0.3)] {
+            let bounce = |k: usize| {
+                let t = 0.01 * ((k % 50) as f64 + phase);
+                speed * t - 2.0 * speed * t * t
+            };
+            let struck: Vec<f64> = (0..3000).map(|k| bounce(k) + noise(k)).collect();
+            let masked = without_outliers(&struck, 1e-3);
+            let masked = masked.iter().filter(|v| !**v).count();
+            assert!(masked < 15, "{speed} m/s, {phase}: {masked}");
+        }
     }
 }

@@ -152,6 +152,7 @@ fn found(
         found: vec![found],
         model: fitted,
         study: study.clone(),
+        smooth: None,
         left: None,
         pushed: false,
     };
