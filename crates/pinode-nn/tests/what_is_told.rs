@@ -283,3 +283,23 @@ fn stribeck_friction_that_hardly_ever_slips_is_found_with_its_constants() {
     }
     assert!(found.gap.after < 2.5, "{:?}", found.gap);
 }
+
+/// A sensor of 10⁻⁴ rad sees what smoothed friction does at rest, which the model's own friction, that it knows of, does not do.
+#[test]
+fn known_friction_that_sticks_hides_no_gain_and_stands_for_no_sensor() {
+    const GAIN: f64 = 0.5;
+    let motor = format!("name = \"motor\"\ngain = {GAIN}");
+    let knows = text(true).replace("name = \"motor\"", &motor)
+        + &format!("[[effect]]\nkind = \"coulomb_friction\"\njoint = \"phi\"\nforce = {FORCE}\n");
+    let law = |_, [q, v]: [f64; 2], u: f64| {
+        let u = 0.8 * GAIN * u - VISCOUS * v;
+        u + rubs([q, v], u, FORCE)
+    };
+    let found = diagnosed(&parsed(&knows), log(42, law));
+    let [effect] = found.effects.as_slice() else {
+        panic!("{:?}", found.effects);
+    };
+    assert_eq!(effect.kind, "input_gain_error", "{effect:?}");
+    let gain = effect.parameters["gain"].value;
+    assert!((gain + 0.2).abs() < 0.03, "{gain}");
+}

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use super::Means;
 use super::audit::{Masked, excitation};
-use super::numerics::is_coarse;
+use super::numerics::{is_coarse, sharp};
 use super::scales::scales;
 use super::smooth::{Smoothed, smooth};
-use super::study::{Fitted, MOST_SUBSTEPS, Start, Study};
+use super::study::{Comparison, Fitted, MOST_SUBSTEPS, Start, Study};
 use super::verdict::Excitation;
 use crate::Error;
 use crate::effect::Between;
@@ -147,6 +147,13 @@ pub fn prepare(
         study.substeps *= 2;
         let start = null.start(null.inside.theta.clone());
         null = study.fit(null.hybrid.clone(), start, 2, 20);
+    }
+    // What known friction that sticks does and smoothed friction does not, is no disagreement.
+    if study.may_sharpen
+        && let Some((finer, sharp)) = sharp(&study, &null)
+        && Comparison::of(&sharp, &null).total() > 0.0
+    {
+        (study, null) = (finer, sharp);
     }
     let diverged = null.inside_scores.iter().filter(|s| !s.is_finite()).count();
     if 2 * diverged > null.inside_scores.len() {

@@ -1,43 +1,20 @@
 //! Noise of the sensors, from their readings alone.
 
-/// Higher orders of differences, and the share of what lower ones say below which they are believed: motion that the lower ones do not remove
-/// makes them far larger.
-const HIGHER: [usize; 3] = [8, 10, 12];
-const BELOW: f64 = 0.8;
-/// Fewer differences than this say nothing of them.
-const FEWEST: usize = 50;
-
 /// Noise of a sensor, from its readings alone: 1.4826 · median |Δᵐ y| / √(2m choose m), the smaller of m = 4 and m = 6. Differences
-/// of that order remove the motion; what is left of a fast one makes the lower order the larger, and both larger than those of still higher order, which
-/// are taken then.
+/// of that order remove the motion; what is left of a fast one makes the lower order the larger.
 pub fn noise(runs: &[Vec<f64>]) -> f64 {
-    let usual = of_order(runs, 4).min(of_order(runs, 6));
-    let differences = |m: &usize| {
-        runs.iter()
-            .map(|y| y.len().saturating_sub(*m))
-            .sum::<usize>()
-    };
-    let higher = HIGHER.into_iter().filter(|m| differences(m) >= FEWEST);
-    let higher = higher.map(|m| of_order(runs, m));
-    higher.fold(usual, |least, noise| match noise < BELOW * least {
-        true => noise,
-        false => least,
-    })
-}
-
-/// The same by differences of one order.
-fn of_order(runs: &[Vec<f64>], m: usize) -> f64 {
-    // 2m over m: the sum of the squares of the coefficients.
-    let squares: f64 = (1..=m).map(|k| (m + k) as f64 / k as f64).product();
-    let mut size: Vec<f64> = Vec::new();
-    for run in runs {
-        let mut d = run.clone();
-        for _ in 0..m {
-            d = d.windows(2).map(|p| p[1] - p[0]).collect();
+    let of_order = |m: usize, binomial: f64| {
+        let mut size: Vec<f64> = Vec::new();
+        for run in runs {
+            let mut d = run.clone();
+            for _ in 0..m {
+                d = d.windows(2).map(|p| p[1] - p[0]).collect();
+            }
+            size.extend(d.into_iter().map(f64::abs));
         }
-        size.extend(d.into_iter().map(f64::abs));
-    }
-    1.4826 * median(&mut size) / squares.sqrt()
+        1.4826 * median(&mut size) / binomial.sqrt()
+    };
+    of_order(4, 70.0).min(of_order(6, 924.0))
 }
 
 pub fn median(values: &mut [f64]) -> f64 {
@@ -99,30 +76,6 @@ mod tests {
             .collect();
         let found = noise(&[y]);
         assert!((found / 1e-3 - 1.0).abs() < 0.1, "{found}");
-    }
-
-    #[test]
-    fn noise_is_found_under_motion_of_a_few_samples_a_swing() {
-        let normal = Normal::new(0.0, 1e-4).unwrap();
-        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
-        let y: Vec<f64> = (0..3000)
-            .map(|k| (2.0 * std::f64::consts::PI * 8.0 * f64::from(k) * 0.01).sin())
-            .map(|q| q + normal.sample(&mut rng))
-            .collect();
-        let found = noise(&[y]);
-        assert!((found / 1e-4 - 1.0).abs() < 0.1, "{found}");
-    }
-
-    #[test]
-    fn short_runs_have_the_noise_of_the_orders_that_they_are_long_enough_for() {
-        let run = |r: usize| {
-            (0..12)
-                .map(|k| 1e-3 * crate::bins::pseudo(12 * r + k, 0.3))
-                .collect()
-        };
-        let few: Vec<Vec<f64>> = (0..3).map(run).collect();
-        let found = noise(&few);
-        assert!((2e-4..2e-3).contains(&found), "{found}");
     }
 
     #[test]
