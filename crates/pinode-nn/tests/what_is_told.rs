@@ -46,6 +46,11 @@ fn torque(t: f64) -> f64 {
 
 /// 60 s at 50 Hz of I φ̈ = −m g l sin φ − d φ̇ + τ, τ held from sample to sample, by `law`(t, [φ, φ̇], u) = τ − d φ̇.
 fn log(seed: u64, law: impl Fn(f64, [f64; 2], f64) -> f64) -> Log {
+    log_by(NOISE, seed, law)
+}
+
+/// The same by a sensor of this noise.
+fn log_by(sensor: f64, seed: u64, law: impl Fn(f64, [f64; 2], f64) -> f64) -> Log {
     const SUBSTEPS: usize = 20;
     let mut noise = ChaCha8Rng::seed_from_u64(seed);
     let mut noise = || -> f64 { StandardNormal.sample(&mut noise) };
@@ -55,7 +60,7 @@ fn log(seed: u64, law: impl Fn(f64, [f64; 2], f64) -> f64) -> Log {
     let mut x = [0.2, 0.0];
     let mut q = Vec::new();
     for (&start, &u) in t.iter().zip(&u) {
-        q.push(x[0] + NOISE * noise());
+        q.push(x[0] + sensor * noise());
         for k in 0..SUBSTEPS {
             let now = start + h * k as f64;
             let slope =
@@ -284,18 +289,22 @@ fn stribeck_friction_that_hardly_ever_slips_is_found_with_its_constants() {
     assert!(found.gap.after < 2.5, "{:?}", found.gap);
 }
 
-/// A sensor of 10⁻⁴ rad sees what smoothed friction does at rest, which the model's own friction, that it knows of, does not do.
+/// A sensor of 2·10⁻⁴ rad sees what smoothed friction does at rest, which the friction that the model knows of does not do: the gain was called a scale
+/// of the sensor.
 #[test]
 fn known_friction_that_sticks_hides_no_gain_and_stands_for_no_sensor() {
     const GAIN: f64 = 0.5;
+    const FINE: f64 = 2e-4;
     let motor = format!("name = \"motor\"\ngain = {GAIN}");
-    let knows = text(true).replace("name = \"motor\"", &motor)
+    let knows = text(true)
+        .replace("name = \"motor\"", &motor)
+        .replace(&format!("{NOISE:e}"), &format!("{FINE:e}"))
         + &format!("[[effect]]\nkind = \"coulomb_friction\"\njoint = \"phi\"\nforce = {FORCE}\n");
     let law = |_, [q, v]: [f64; 2], u: f64| {
         let u = 0.8 * GAIN * u - VISCOUS * v;
         u + rubs([q, v], u, FORCE)
     };
-    let found = diagnosed(&parsed(&knows), log(42, law));
+    let found = diagnosed(&parsed(&knows), log_by(FINE, 42, law));
     let [effect] = found.effects.as_slice() else {
         panic!("{:?}", found.effects);
     };

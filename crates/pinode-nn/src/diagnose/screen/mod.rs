@@ -192,8 +192,8 @@ impl Screen {
             for (j, b) in self.columns.iter().enumerate().skip(i + 1) {
                 let same = a.candidate == b.candidate;
                 let rivals = a.candidate.target == b.candidate.target
-                    && (a.candidate.kind.contains.contains(&b.candidate.kind.name)
-                        || b.candidate.kind.contains.contains(&a.candidate.kind.name)
+                    && (a.candidate.contains(&b.candidate)
+                        || b.candidate.contains(&a.candidate)
                         || (!a.candidate.kind.contains.is_empty()
                             && a.candidate.kind.contains == b.candidate.kind.contains));
                 if same || rivals {
