@@ -65,6 +65,10 @@ pub(crate) fn states_by_the_past(
             continue;
         };
         let t = &observations.runs[run].t;
+        // Nor does anything behind its last one.
+        if last >= t.len() {
+            continue;
+        }
         let first = beginning(t, last, gaps[run]);
         let count = last + 1 - first;
         if count >= FEWEST {

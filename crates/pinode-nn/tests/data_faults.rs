@@ -237,6 +237,38 @@ fn readings_that_are_held_are_a_fault_of_the_data() {
     assert_eq!(diagnosis.verdict, Verdict::DataFault);
 }
 
+/// An encoder loses counts 20 s into the log.
+#[test]
+fn a_sensor_that_slips_is_a_fault_of_the_data() {
+    let mut rows = Recording::HEALTHY.rows();
+    let (slip, by) = ((20.0 / STEP) as usize, 0.3);
+    rows[slip..].iter_mut().for_each(|row| row[1] += by);
+    let diagnosis = diagnosed(&[rows]);
+    let fault = only(&diagnosis, "slip");
+    let [[from, to]] = fault.when[..] else {
+        panic!("{fault:?}");
+    };
+    assert!(
+        from < 20.0 && to > 20.0 - 1e-9 && to - from < 1.5 * STEP,
+        "{fault:?}"
+    );
+    assert_eq!(diagnosis.verdict, Verdict::DataFault);
+    assert!(diagnosis.gap.after < 1.5, "{:?}", diagnosis.gap);
+}
+
+/// The last third of a recording repeats one reading.
+#[test]
+fn a_sensor_that_freezes_for_good_is_a_fault_of_the_data() {
+    let mut rows = Recording::HEALTHY.rows();
+    let frozen = (2 * rows.len()) / 3;
+    let held = rows[frozen - 1][1];
+    rows[frozen..].iter_mut().for_each(|row| row[1] = held);
+    let diagnosis = diagnosed(&[rows]);
+    let fault = only(&diagnosis, "stuck");
+    assert_eq!(fault.when.len(), 1, "{fault:?}");
+    assert_eq!(diagnosis.verdict, Verdict::DataFault);
+}
+
 #[test]
 fn an_input_without_effect_at_the_start_of_every_recording_is_a_fault_of_the_data() {
     let rows: Vec<_> = (1..5)

@@ -184,8 +184,9 @@ fn derivatives_of_changed_mechanics_are_exact_on_bodies_that_float_as_well() {
                 kind: registry::find(kind).unwrap(),
                 target,
                 smoothing: default_smoothing(true),
+                fixed: false,
             };
-            hybrid.add(placed, &[value], false);
+            hybrid.add(placed, &[value]);
         };
         place("reflected_inertia", joint, 0.07);
         for link in links {
@@ -424,8 +425,9 @@ fn what_cannot_change_the_mechanics_is_refused_where_it_stands() {
         kind,
         target: 0,
         smoothing: default_smoothing(true),
+        fixed: false,
     };
-    hybrid.add(placed, &[0.1], false);
+    hybrid.add(placed, &[0.1]);
     let theta = hybrid.theta();
     let inputs = hybrid.drive(&[0.0, 1.0], &[], 1, &theta, &[]);
     let mut memory = hybrid.memory(&[]);

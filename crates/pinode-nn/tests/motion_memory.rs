@@ -110,8 +110,9 @@ fn steps_and_derivatives_of_mechanisms_allocate_nothing() {
             kind: registry::find(kind).unwrap(),
             target,
             smoothing: default_smoothing(false),
+            fixed: false,
         };
-        changed.add(placed, &[0.02], false);
+        changed.add(placed, &[0.02]);
     }
     for hybrid in [plain, changed] {
         let (theta, free) = (hybrid.theta(), hybrid.free());

@@ -71,8 +71,9 @@ fn with_every_effect(transmission: &str) -> Hybrid {
                 _ => 0,
             },
             smoothing: 10.0 * default_smoothing(angular),
+            fixed: false,
         };
-        hybrid.add(placed, values, false);
+        hybrid.add(placed, values);
     }
     hybrid.add_open_network(Arc::new(learnt()), f64::INFINITY);
     for constant in hybrid.constants_mut() {
@@ -169,8 +170,9 @@ fn sensitivities_of_a_constrained_roll_out_equal_differences() {
         kind: registry::find("viscous_friction").unwrap(),
         target: 2,
         smoothing: default_smoothing(true),
+        fixed: false,
     };
-    hybrid.add(placed, &[0.02], false);
+    hybrid.add(placed, &[0.02]);
     hybrid.add_open_network(Arc::new(learnt()), f64::INFINITY);
     for constant in hybrid.constants_mut() {
         constant.tolerance = f64::INFINITY;
@@ -263,8 +265,9 @@ fn a_delay_of_whole_steps_shifts_the_input_and_any_delay_keeps_its_impulse() {
         kind: delay,
         target: 0,
         smoothing: default_smoothing(false),
+        fixed: false,
     };
-    hybrid.add(placed, &[0.0], false);
+    hybrid.add(placed, &[0.0]);
     let (t, mut u) = times_and_input();
     u[0][..2].fill(0.0);
     u[0][35..].fill(0.0);
@@ -445,8 +448,9 @@ fn a_delayed_sensor_reads_the_motion_of_before() {
         kind: registry::find("sensor_delay").unwrap(),
         target: 1,
         smoothing: default_smoothing(true),
+        fixed: false,
     };
-    hybrid.add(placed, &[0.033], false);
+    hybrid.add(placed, &[0.033]);
     let reading = hybrid.reading(1, &hybrid.theta(), &[]);
     let t: Vec<f64> = (0..6).map(|k| 0.02 * f64::from(k)).collect();
     let q = |t: f64| 0.3 + 2.0 * t - 5.0 * t * t + 40.0 * t.powi(3);

@@ -76,6 +76,7 @@ mod tests {
 
     fn found(kind: &str, target: &str, tie: Option<&str>) -> NamedEffect {
         NamedEffect {
+            beside_fixed: false,
             kind: kind.into(),
             target: target.into(),
             confidence: 0.9,

@@ -14,6 +14,11 @@ fn are_rivals(placed: &Kind, kind: &Kind) -> bool {
     common && !kind.contains.contains(&placed.name)
 }
 
+/// Whether what is in place, and is not known exactly, is a special case of `kind` on `target`, which takes its place.
+pub fn gives_way(placed: &Placed, kind: &Kind, target: usize) -> bool {
+    !placed.fixed && placed.target == target && kind.contains.contains(&placed.kind.name)
+}
+
 /// Whether a coordinate is where it was after a turn.
 fn goes_round(hybrid: &Hybrid, coordinate: usize) -> bool {
     let coordinates = hybrid.mechanics().coordinates();
@@ -30,7 +35,8 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// All that `hybrid` could be missing: kinds not yet on a target, nor contained in one that is.
+    /// All that `hybrid` could be missing: kinds not yet on a target, nor contained in one that is, unless that is known exactly: then there may be more
+    /// of it.
     pub fn all(hybrid: &Hybrid) -> Vec<Candidate> {
         let mut all = Vec::new();
         for kind in registry::all() {
@@ -56,11 +62,14 @@ impl Candidate {
                     continue;
                 }
                 let covered = hybrid.effects().iter().any(|placed| {
+                    let same = placed.kind == kind
+                        || placed.kind.contains.contains(&kind.name)
+                        || are_rivals(placed.kind, kind);
                     placed.target == target
-                        && (placed.kind == kind
-                            || placed.kind.contains.contains(&kind.name)
-                            || (placed.kind.is_transmission() && kind.is_transmission())
-                            || are_rivals(placed.kind, kind))
+                        && match placed.fixed {
+                            true => placed.kind.excludes(kind),
+                            false => same || placed.kind.excludes(kind),
+                        }
                 });
                 if !covered {
                     all.push(candidate);
@@ -82,11 +91,15 @@ impl Candidate {
         other.target == self.target && self.kind.contains.contains(&other.kind.name)
     }
 
+    /// Whether it is what a fit has in place. What is known exactly is no candidate, whatever it is called.
+    pub fn is(&self, placed: &Placed) -> bool {
+        self.kind == placed.kind && self.target == placed.target && !placed.fixed
+    }
+
     /// The effect of `hybrid` that this candidate would take the place of.
     pub fn replaces(&self, hybrid: &Hybrid) -> Option<usize> {
-        hybrid.effects().iter().position(|placed| {
-            placed.target == self.target && self.kind.contains.contains(&placed.kind.name)
-        })
+        let mut effects = hybrid.effects().iter();
+        effects.position(|placed| gives_way(placed, self.kind, self.target))
     }
 
     /// The parameters, at `theta`, of the effect whose place it would take; none when there is none.
@@ -115,9 +128,9 @@ impl Candidate {
                     .replaces(hybrid)
                     .and_then(|index| hybrid.effects().get(index))
                     .map_or(hybrid.default_smoothing(angular), |known| known.smoothing),
+                fixed: false,
             },
             values,
-            false,
         );
         theta.extend_from_slice(values);
         (with, theta)

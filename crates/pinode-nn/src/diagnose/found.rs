@@ -1,6 +1,6 @@
 //! What a search has found, looked at once more: pruned, revisited, and weighed against its rivals.
 
-use super::candidate::Candidate;
+use super::candidate::{Candidate, gives_way};
 use super::confidence::DRAWS;
 use super::experiment::CLOSE;
 use super::refine::{
@@ -63,11 +63,7 @@ impl Found {
 
 /// The effect of a model that is `candidate`.
 pub fn position(fitted: &Fitted, candidate: &Candidate) -> Option<usize> {
-    fitted
-        .hybrid
-        .effects()
-        .iter()
-        .position(|e| e.kind == candidate.kind && e.target == candidate.target)
+    fitted.hybrid.effects().iter().position(|e| candidate.is(e))
 }
 
 /// The model fitted anew without one of its effects. A known effect whose place it had taken comes back.
@@ -84,12 +80,8 @@ pub fn stripped(null: &Fitted, current: &Fitted, index: usize) -> (Hybrid, Vec<f
     let mut theta = [&theta[..range.start], &theta[range.end..]].concat();
     let mut hybrid = current.hybrid.without(index);
     for (known, placed) in null.hybrid.effects().iter().enumerate() {
-        if placed.target == removed.target && removed.kind.contains.contains(&placed.kind.name) {
-            let range = null.hybrid.range(known);
-            let values = &null.inside.theta[range.clone()];
-            let fixed = null.hybrid.constants()[range]
-                .iter()
-                .all(|c| c.tolerance == 0.0);
+        if gives_way(placed, removed.kind, removed.target) {
+            let values = &null.inside.theta[null.hybrid.range(known)];
             // As sharp as what had taken its place.
             let smoothing = match placed.kind.dry().and(removed.kind.dry()) {
                 Some(_) => removed.smoothing,
@@ -101,7 +93,6 @@ pub fn stripped(null: &Fitted, current: &Fitted, index: usize) -> (Hybrid, Vec<f
                     ..*placed
                 },
                 values,
-                fixed,
             );
             theta.extend_from_slice(values);
         }

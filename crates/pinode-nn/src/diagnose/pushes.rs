@@ -127,8 +127,9 @@ fn placed(fitted: &Fitted, c: usize, deviation: f64) -> (Hybrid, Vec<f64>) {
         kind: &KIND,
         target: c,
         smoothing: hybrid.default_smoothing(hybrid.mechanics().coordinates()[c].angular),
+        fixed: true,
     };
-    hybrid.add(placed, &[deviation], true);
+    hybrid.add(placed, &[deviation]);
     let theta = [&fitted.inside.theta[..], &[deviation]].concat();
     (hybrid, theta)
 }

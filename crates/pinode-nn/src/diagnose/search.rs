@@ -81,10 +81,7 @@ impl Search {
             ..
         } = &mut self.model;
         for (index, effect) in hybrid.effects().iter().enumerate() {
-            let is_found = |found: &Found| {
-                let Candidate { kind, target } = found.candidate;
-                effect.kind == kind && effect.target == target
-            };
+            let is_found = |found: &Found| found.candidate.is(effect);
             if self.found.iter().any(is_found) {
                 for theta in [&mut inside.theta, &mut outside.theta] {
                     effect.kind.normalise(&mut theta[hybrid.range(index)]);

@@ -86,10 +86,7 @@ fn simpler(study: &Study, search: &Search, k: usize) -> Option<(Candidate, Study
         None => own.first().copied()?,
     };
     let known = search.null.hybrid.effects();
-    let is_known = |simple: &Candidate| {
-        let same = |e: &Placed| e.kind == simple.kind && e.target == simple.target;
-        known.iter().any(same)
-    };
+    let is_known = |simple: &Candidate| known.iter().any(|e| simple.is(e));
     let contained = rich.kind.contains.iter();
     let mut contained = contained
         .filter_map(|name| registry::find(name))
@@ -109,7 +106,7 @@ fn simpler(study: &Study, search: &Search, k: usize) -> Option<(Candidate, Study
             kind: simple.kind,
             ..model.hybrid.effects()[index]
         };
-        hybrid.add(placed, &[size], false);
+        hybrid.add(placed, &[size]);
         theta.push(size);
         let fitted = study.fit(hybrid, model.start(theta), 1, ITERATIONS);
         let sharper = study.may_sharpen.then(|| sharp(study, &fitted)).flatten();

@@ -358,7 +358,7 @@ impl Study {
         let mut paths = self.hidden_paths(hybrid, &start.theta, substeps);
         let windows = &self.windows.fit;
         // The constants of what is new are still to be found, and with them the path of its states.
-        let knows = |effect: &Placed| start.hidden.iter().any(|old| is_same(old, effect));
+        let knows = |effect: &Placed| start.hidden.iter().any(|old| old.is_same(effect));
         let effects = hybrid.effects().iter();
         let mut following = effects
             .filter(|e| e.kind.states() > 0 && !is_push(e))
@@ -435,11 +435,6 @@ impl Study {
     }
 }
 
-/// Whether it is the same kind on the same target.
-fn is_same(one: &Placed, other: &Placed) -> bool {
-    one.kind == other.kind && one.target == other.target
-}
-
 /// Initial states (q, v, h) for `hybrid` from those of a model with the effects `before`: what is new of h is taken from `known`.
 fn with_hidden(
     hybrid: &Hybrid,
@@ -452,7 +447,7 @@ fn with_hidden(
     }
     let visible = hybrid.nx() - hybrid.nh();
     let old_place = |wanted: &Placed| -> Option<usize> {
-        let place = before.iter().position(|e| is_same(e, wanted))?;
+        let place = before.iter().position(|e| e.is_same(wanted))?;
         let states = before[..place].iter().map(|e| e.kind.states());
         Some(visible + states.sum::<usize>())
     };

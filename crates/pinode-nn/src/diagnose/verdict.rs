@@ -83,6 +83,8 @@ pub struct NamedEffect {
     pub kind: String,
     /// The joint, input, link or sensor it sits on.
     pub target: String,
+    /// Whether the model has one of its kind there that is `fixed`: then this is what there is more.
+    pub beside_fixed: bool,
     /// Probability that it is this one, or one of those in `indistinguishable_from`.
     pub confidence: f64,
     /// Its parameters.

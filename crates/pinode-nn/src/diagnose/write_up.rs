@@ -13,7 +13,7 @@ use super::verdict::{
     RefinedName, Residual, ScreenedName, SearchStep,
 };
 use crate::effect::ActsOn;
-use crate::hybrid::{ConstantId, Hybrid};
+use crate::hybrid::{ConstantId, Hybrid, Placed};
 use crate::model::{EffectEntry, Model, Revision, Target};
 
 /// The input model with the found effects, and with all constants as fitted.
@@ -48,7 +48,7 @@ pub fn revision(
             let own = model
                 .effects
                 .iter()
-                .find(|e| e.kind == placed.kind && e.target == target);
+                .find(|e| (e.kind, e.target, e.fixed) == (placed.kind, target, placed.fixed));
             let range = hybrid.range(index);
             let angular = hybrid.is_angular(placed.kind, placed.target);
             let entry = EffectEntry {
@@ -60,12 +60,12 @@ pub fn revision(
                     (placed.kind.is_smoothed() && placed.smoothing != default)
                         .then_some(placed.smoothing)
                 }),
-                fixed: own.is_some_and(|own| own.fixed),
+                fixed: placed.fixed,
             };
             let comment = search
                 .found
                 .iter()
-                .find(|f| f.candidate.kind == placed.kind && f.candidate.target == placed.target)
+                .find(|f| f.candidate.is(placed))
                 .map(|found| {
                     let mut comment = format!(
                         "found by pinode {}: confidence {:.2}, z = {:.1} (held out {:.1}), {:.3} nats per sample; seed {}\n",
@@ -143,10 +143,8 @@ pub fn effects(
         .iter()
         .filter_map(|found| {
             let candidate = &found.candidate;
-            let index = hybrid
-                .effects()
-                .iter()
-                .position(|e| e.kind == candidate.kind && e.target == candidate.target)?;
+            let index = hybrid.effects().iter().position(|e| candidate.is(e))?;
+            let placed = hybrid.effects()[index];
             let angular = hybrid.is_angular(candidate.kind, candidate.target);
             let parameters: BTreeMap<String, ParameterValue> = hybrid
                 .range(index)
@@ -164,9 +162,16 @@ pub fn effects(
             let own = name(candidate);
             let experiments = experiment::listed(splits.iter().filter(|s| s.own == own));
             let Name { kind, target } = own;
+            let is_known = |e: &Placed| {
+                e.is_same(&Placed {
+                    fixed: true,
+                    ..placed
+                })
+            };
             Some(NamedEffect {
                 kind,
                 target,
+                beside_fixed: hybrid.effects().iter().any(is_known),
                 confidence: found.confidence,
                 parameters,
                 alternatives: found
@@ -212,10 +217,7 @@ pub fn constants((study, search): (&Study, &Search), inputs: &[String]) -> Vec<F
     let errors = Errors::of(&search.model, study);
     let is_found = |effect: usize| {
         let placed = fitted.hybrid.effects()[effect];
-        search
-            .found
-            .iter()
-            .any(|f| f.candidate.kind == placed.kind && f.candidate.target == placed.target)
+        search.found.iter().any(|f| f.candidate.is(&placed))
     };
     fitted
         .inside

@@ -187,6 +187,12 @@ impl Kind {
         self.acts_on() == ActsOn::Joint && self.inertial().is_none()
     }
 
+    /// Whether one of it on a target leaves no room for one of `other`: an input has one transmission, and the angles of two tilts do not add.
+    pub fn excludes(&self, other: &Kind) -> bool {
+        let tilts = |kind: &Kind| kind.inertial() == Some(Inertial::Tilt);
+        (self.is_transmission() && other.is_transmission()) || (tilts(self) && tilts(other))
+    }
+
     /// Whether it stands between an input and its joint.
     pub fn is_transmission(&self) -> bool {
         matches!(self.action, Action::Transmission(_))

@@ -263,9 +263,10 @@ mod tests {
             kind: registry::find("lugre_friction").unwrap(),
             target: 0,
             smoothing: 0.01,
+            fixed: false,
         };
         let (stiffness, coulomb, statics, slow) = (2e6, 0.3, 0.5, 0.1);
-        hybrid.add(placed, &[stiffness, 0.0, coulomb, statics, slow], false);
+        hybrid.add(placed, &[stiffness, 0.0, coulomb, statics, slow]);
         let theta = hybrid.theta();
         let t: Vec<f64> = (0..200).map(|k| 0.02 * f64::from(k)).collect();
         let inputs = hybrid.drive(&t, &[vec![0.0; 200]], 4, &theta, &[]);

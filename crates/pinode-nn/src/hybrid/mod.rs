@@ -89,6 +89,15 @@ pub struct Placed {
     pub target: usize,
     /// Velocity over which a sign change of friction is spread, m/s or rad/s.
     pub smoothing: f64,
+    /// Whether its parameters are exact: no fit moves them, and nothing takes its place.
+    pub fixed: bool,
+}
+
+impl Placed {
+    /// Whether it is the same kind on the same target, by what is known of it or by what a fit has to find.
+    pub fn is_same(&self, other: &Placed) -> bool {
+        self.kind == other.kind && self.target == other.target && self.fixed == other.fixed
+    }
 }
 
 /// A state of the model, taken apart.
@@ -214,8 +223,9 @@ impl Hybrid {
                 kind: entry.kind,
                 target,
                 smoothing: entry.smoothing.unwrap_or(default_smoothing(angular)),
+                fixed: entry.fixed,
             };
-            hybrid.add(placed, &entry.values, entry.fixed);
+            hybrid.add(placed, &entry.values);
         }
         for entry in &model.networks {
             hybrid.add_network(entry.shared());
@@ -354,11 +364,11 @@ impl Hybrid {
         }
     }
 
-    /// Adds an effect with these parameter values; they are free, or exact when `fixed`.
+    /// Adds an effect with these parameter values; they are free, or exact when it is [`fixed`](Placed::fixed).
     ///
     /// With an effect that changes the mechanics where [`Inertial::check`] refuses it, there is no motion: accelerations are NaN, and
     /// an error.
-    pub fn add(&mut self, effect: Placed, values: &[f64], fixed: bool) {
+    pub fn add(&mut self, effect: Placed, values: &[f64]) {
         let first = self.constants.len();
         let index = self.effects.len();
         for (k, (spec, &value)) in effect.kind.parameters.iter().zip(values).enumerate() {
@@ -368,7 +378,7 @@ impl Hybrid {
                 lower: spec.lower,
                 upper: spec.upper,
                 // What is left out does not come into being by a fit.
-                tolerance: match fixed || spec.held || !value.is_finite() {
+                tolerance: match effect.fixed || spec.held || !value.is_finite() {
                     true => 0.0,
                     false => f64::INFINITY,
                 },
@@ -463,10 +473,9 @@ impl Hybrid {
         };
         for (i, effect) in self.effects.iter().enumerate() {
             if i != index {
-                let own = &self.constants[self.ranges[i].clone()];
-                let values: Vec<f64> = own.iter().map(|c| c.value).collect();
-                let fixed = own.iter().all(|c| c.tolerance == 0.0);
-                rest.add(*effect, &values, fixed);
+                let own = self.constants[self.ranges[i].clone()].iter();
+                let values: Vec<f64> = own.map(|c| c.value).collect();
+                rest.add(*effect, &values);
             }
         }
         for (network, open) in self.networks.iter().zip(&self.open) {

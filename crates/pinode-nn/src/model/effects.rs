@@ -32,28 +32,32 @@ pub(super) fn read(
         let same = |other: &EffectEntry| {
             other.target == effect.target || (body.is_some() && body_of(other) == body)
         };
-        if effects
-            .iter()
-            .any(|(_, other)| other.kind == effect.kind && same(other))
-        {
+        // What is known exactly may have more of its kind beside it, which is not.
+        let alike = |other: &EffectEntry| other.kind == effect.kind && other.fixed == effect.fixed;
+        if effects.iter().any(|(_, other)| alike(other) && same(other)) {
             faults.at(
                 table.offset,
                 format!(
-                    "{} acts on this target already: the two cannot be told apart, make them one",
+                    "{} acts on this target already: the two cannot be told apart, make them one, or `fixed = true` the one that is known exactly",
                     effect.kind.name
                 ),
             );
-        } else if let Some((_, other)) = effects.iter().find(|(_, other)| {
-            other.target == effect.target
-                && other.kind.is_transmission()
-                && effect.kind.is_transmission()
-        }) {
+        } else if let Some((_, other)) = effects
+            .iter()
+            .find(|(_, other)| other.target == effect.target && other.kind.excludes(effect.kind))
+        {
             faults.at(
                 table.offset,
-                format!(
-                    "{} and {} are both transmissions: an input has one",
-                    other.kind.name, effect.kind.name
-                ),
+                match effect.kind.is_transmission() {
+                    true => format!(
+                        "{} and {} are both transmissions: an input has one",
+                        other.kind.name, effect.kind.name
+                    ),
+                    false => format!(
+                        "{} acts on this target already: their angles do not add, make them one",
+                        effect.kind.name
+                    ),
+                },
             );
         }
         effects.push((table.offset, effect));

@@ -25,7 +25,7 @@
 //! joint = "phi"
 //! coefficient = 0.01                   # N·m·s/rad
 //! # smoothing = 0.01                   # of a sign change, rad/s or m/s
-//! # fixed = true                       # a fit leaves it alone
+//! # fixed = true                       # a fit leaves it alone; one more of its kind may stand beside it that is not fixed
 //!
 //! [sensor.phi]
 //! position_noise = 1e-3                # rad

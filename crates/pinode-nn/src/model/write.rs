@@ -291,7 +291,7 @@ impl Model {
         let Some(tables) = array_of_tables(document, "effect") else {
             return;
         };
-        let target_of = |table: &Table| -> (String, String) {
+        let target_of = |table: &Table| -> (String, String, bool) {
             let text = |key| {
                 table
                     .get(key)
@@ -301,11 +301,15 @@ impl Model {
             };
             let key = ["joint", "input", "link"];
             let key = key.into_iter().find(|key| table.contains_key(key));
-            (text("kind"), key.map(text).unwrap_or_default())
+            (
+                text("kind"),
+                key.map(text).unwrap_or_default(),
+                is_fixed(table),
+            )
         };
-        let key_of = |entry: &EffectEntry| -> (String, String) {
+        let key_of = |entry: &EffectEntry| -> (String, String, bool) {
             let target = self.target_name(entry.target).to_owned();
-            (entry.kind.name.to_owned(), target)
+            (entry.kind.name.to_owned(), target, entry.fixed)
         };
         tables.retain(|table| {
             let key = target_of(table);
@@ -392,10 +396,13 @@ fn fill(table: &mut Table, entry: &EffectEntry) {
         );
     }
     put(table, "smoothing", entry.smoothing);
-    let fixed = table.get("fixed").and_then(Item::as_bool).unwrap_or(false);
-    if fixed != entry.fixed {
+    if is_fixed(table) != entry.fixed {
         set(table, "fixed", Value::from(entry.fixed));
     }
+}
+
+fn is_fixed(table: &Table) -> bool {
+    table.get("fixed").and_then(Item::as_bool).unwrap_or(false)
 }
 
 /// Writes a number that is not there yet, or takes away what is there for `None`.

@@ -82,6 +82,7 @@ pub(super) fn diagnosis(slider: &str) -> Diagnosis {
         verdict: Verdict::EffectsFound,
         disagreement: vec![place(slider, 0.97, "N"), place("pole", 0.03, "N·m")],
         effects: vec![NamedEffect {
+            beside_fixed: false,
             kind: "coulomb_friction".into(),
             target: slider.into(),
             confidence: 0.98,

@@ -106,27 +106,25 @@ fn more(diagnosis: &Diagnosis) -> String {
 fn named(effects: &[NamedEffect]) -> String {
     let said: Vec<String> = effects
         .iter()
-        .map(|e| {
-            format!(
-                "{} on `{}`, {}",
-                plain(&e.kind),
-                e.target,
-                percent(e.confidence)
-            )
-        })
+        .map(|e| format!("{}, {}", placed(e), percent(e.confidence)))
         .collect();
     said.join("; ")
+}
+
+/// An effect and where it is.
+fn placed(effect: &NamedEffect) -> String {
+    let more = match effect.beside_fixed {
+        true => " (beside what is `fixed`)",
+        false => "",
+    };
+    format!("{} on `{}`{more}", plain(&effect.kind), effect.target)
 }
 
 fn missing(effects: &[NamedEffect]) -> String {
     match effects {
         [] => "An effect is missing".to_owned(),
         [one] => {
-            let said = format!(
-                "{} on `{}` is missing",
-                capital(&plain(&one.kind)),
-                one.target
-            );
+            let said = format!("{} is missing", capital(&placed(one)));
             match quantities(one) {
                 Some(quantities) => {
                     format!("{said}: {quantities} ({})", percent(one.confidence))
@@ -139,11 +137,7 @@ fn missing(effects: &[NamedEffect]) -> String {
                 .iter()
                 .map(|e| {
                     let quantities = quantities(e).map_or(String::new(), |q| format!(", {q}"));
-                    let (kind, target) = (plain(&e.kind), &e.target);
-                    format!(
-                        "{kind} on `{target}`{quantities} ({})",
-                        percent(e.confidence)
-                    )
+                    format!("{}{quantities} ({})", placed(e), percent(e.confidence))
                 })
                 .collect();
             format!("{} effects are missing: {}", several.len(), said.join("; "))

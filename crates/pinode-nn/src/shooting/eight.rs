@@ -346,8 +346,9 @@ mod tests {
                 kind: registry::find(kind).unwrap(),
                 target,
                 smoothing: 0.01,
+                fixed: false,
             };
-            hybrid.add(placed, values, false);
+            hybrid.add(placed, values);
         }
         // And a network that is open to the fit.
         let feature = |quantity| Feature {

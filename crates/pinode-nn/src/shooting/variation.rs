@@ -326,8 +326,9 @@ mod tests {
                 kind,
                 target,
                 smoothing,
+                fixed: false,
             };
-            with.add(placed, &values, false);
+            with.add(placed, &values);
             falls_as_a_square(|substeps| {
                 let theta = hybrid.theta();
                 let inputs = pushes(&hybrid, &theta, substeps);
@@ -366,14 +367,15 @@ mod tests {
             kind: registry::find("coulomb_friction").unwrap(),
             target: 1,
             smoothing: 1e-3,
+            fixed: false,
         };
-        hybrid.add(stuck, &[0.05], false);
+        hybrid.add(stuck, &[0.05]);
         let elastic = Placed {
             kind: registry::find("elastic_transmission").unwrap(),
             target: 0,
             ..stuck
         };
-        hybrid.add(elastic, &[75.0, 0.3, 0.035], false);
+        hybrid.add(elastic, &[75.0, 0.3, 0.035]);
         let hybrid = hybrid.stepped_implicitly(true);
         let (theta, free) = (hybrid.theta(), hybrid.free());
         let start = [0.1, 3.0, -0.2, 0.4, 0.0, 0.0];
@@ -406,8 +408,9 @@ mod tests {
                 kind,
                 target,
                 smoothing: 0.05,
+                fixed: false,
             };
-            with.add(placed, &values, false);
+            with.add(placed, &values);
             let theta = with.theta();
             let inputs = pushes(&with, &theta, 8);
             let force = SmallForce {
@@ -441,8 +444,9 @@ mod tests {
                 kind: registry::find("constant_force").unwrap(),
                 target,
                 smoothing: 0.05,
+                fixed: false,
             };
-            with.add(placed, &[1e-3], false);
+            with.add(placed, &[1e-3]);
             let theta = with.theta();
             let force = SmallForce {
                 with: &with,

@@ -367,10 +367,10 @@ fn targets(
     runs.zip(&observations.runs)
         .zip(firsts)
         .map(|((run, observed), &first)| {
-            let read: Vec<Vec<f64>> = run.q.iter().map(|q| q[first..].to_vec()).collect();
-            let rows = run.len() - first;
-            let column =
-                |v: &Option<Vec<f64>>| v.as_ref().map_or(Vec::new(), |v| v[first..].to_vec());
+            let rows = observed.t.len();
+            let taken = |all: &[f64]| all[first..first + rows].to_vec();
+            let read: Vec<Vec<f64>> = run.q.iter().map(|q| taken(q)).collect();
+            let column = |v: &Option<Vec<f64>>| v.as_ref().map_or(Vec::new(), |v| taken(v));
             let v: Vec<Vec<f64>> = run.v.iter().map(column).collect();
             let all = |column: &Vec<f64>| vec![!column.is_empty(); rows];
             let paper = options.start != Start::Fitted;

@@ -1,7 +1,9 @@
 //! Readings that are held: dropped samples repeated, or a sensor that is stuck.
 //!
 //! A mechanism that comes to rest slows down first and starts slowly again. A reading that is held repeats bit for bit, and jumps to the
-//! truth at its end: by more than the motion on either side of the hold.
+//! truth at its end: by more than the motion on either side of the hold. Readings that scatter do not repeat at all unless they are held.
+
+use std::ops::Range;
 
 /// The jump at the end of a hold is at least so many times the sensor's noise …
 const JUMP: f64 = 10.0;
@@ -9,29 +11,74 @@ const JUMP: f64 = 10.0;
 const BEYOND_MOTION: f64 = 1.6;
 /// … and where it turns round meanwhile: an encoder that hangs at the turning point of a slow swing jumps by two steps or three.
 const BEYOND_A_TURN: f64 = 4.0;
+/// Readings that scatter are held when so many repeat the one before in the middle of a motion …
+const FROZEN: usize = 25;
+/// … and no more than this share of all others does.
+const SELDOM: f64 = 0.02;
 /// So many samples on either side tell the motion around a hold.
 const AROUND: usize = 4;
 
 /// The samples of `y` that repeat the one before because the reading is held: [first, last] of each hold.
-pub fn holds(y: &[f64], noise: f64) -> Vec<[usize; 2]> {
+pub fn holds(y: &[f64], noise: f64, scatters: bool) -> Vec<[usize; 2]> {
+    let repeated = repetitions(y, noise);
+    let seldom = repeated.iter().map(Range::len).filter(|n| *n < FROZEN);
+    let never = scatters && (seldom.sum::<usize>() as f64) < SELDOM * y.len() as f64;
+    let held = repeated.into_iter().filter(|samples| {
+        let frozen = never && samples.len() >= FROZEN && would_move(y, samples, noise);
+        frozen || is_held(y, samples.start, samples.end, noise)
+    });
+    held.map(|samples| [samples.start, samples.end - 1])
+        .collect()
+}
+
+/// Whether the motion before `samples`, going on, would be seen over as many.
+fn would_move(y: &[f64], samples: &Range<usize>, noise: f64) -> bool {
+    let first = samples.start.saturating_sub(AROUND + 1);
+    let gone = y[samples.start - 1] - y[first];
+    let share = samples.len() as f64 / (samples.start - 1 - first).max(1) as f64;
+    gone.abs() > 0.5 * JUMP * noise && share * gone.abs() > JUMP * noise
+}
+
+/// The parts of `y` between its holds.
+pub fn without(y: &[f64], holds: &[[usize; 2]]) -> Vec<Vec<f64>> {
+    let mut parts = Vec::new();
+    let mut start = 0;
+    for &[first, last] in holds {
+        parts.extend(y.get(start..first).map(<[f64]>::to_vec));
+        start = last + 1;
+    }
+    parts.extend(y.get(start..).map(<[f64]>::to_vec));
+    parts
+}
+
+/// The samples that count before a hold that does not end, or behind one with which they begin; all of them beside any other.
+pub fn beside(counting: Range<usize>, hold: Range<usize>) -> Range<usize> {
+    if hold.end >= counting.end {
+        counting.start..hold.start.clamp(counting.start, counting.end)
+    } else if hold.start <= counting.start + 1 {
+        counting.start.max(hold.end)..counting.end
+    } else {
+        counting
+    }
+}
+
+/// The stretches of samples that repeat the one before.
+fn repetitions(y: &[f64], noise: f64) -> Vec<Range<usize>> {
     // An angle that was unwrapped repeats but for rounding.
     let same = |a: f64, b: f64| (a - b).abs() <= 1e-6 * noise;
-    let mut holds = Vec::new();
+    let mut all = Vec::new();
     let mut k = 1;
     while k < y.len() {
-        if !same(y[k], y[k - 1]) {
-            k += 1;
-            continue;
-        }
         let first = k;
         while k < y.len() && same(y[k], y[first - 1]) {
             k += 1;
         }
-        if is_held(y, first, k, noise) {
-            holds.push([first, k - 1]);
+        if k > first {
+            all.push(first..k);
         }
+        k += 1;
     }
-    holds
+    all
 }
 
 /// Whether `y[first..end]`, all equal to the sample before, end with a jump that no motion makes.
@@ -92,18 +139,30 @@ mod tests {
             y[first..first + 4].fill(held);
         }
         let expected = [[100, 103], [700, 703], [1500, 1503]];
-        assert_eq!(holds(&y, 1e-3), expected);
+        assert_eq!(holds(&y, 1e-3, true), expected);
+    }
+
+    /// Without a jump at its end, or without an end.
+    #[test]
+    fn a_sensor_that_freezes_is_found_where_its_readings_scatter() {
+        let mut y = swing(0.0, 1e-3);
+        let held = y[2399];
+        y[2400..].fill(held);
+        let held = y[399];
+        y[400..430].fill(held);
+        y[430..].iter_mut().for_each(|y| *y -= 1e-2);
+        assert_eq!(holds(&y, 1e-3, true), [[400, 429], [2400, 2999]]);
     }
 
     #[test]
     fn a_coarse_sensor_and_a_joint_that_sticks_hold_nothing() {
         let quantum = 0.02;
-        assert!(holds(&swing(quantum, 0.0), quantum / 12.0_f64.sqrt()).is_empty());
-        assert!(holds(&swing(quantum, 5e-3), 8e-3).is_empty());
+        assert!(holds(&swing(quantum, 0.0), quantum / 12.0_f64.sqrt(), true).is_empty());
+        assert!(holds(&swing(quantum, 5e-3), 8e-3, true).is_empty());
         // At rest for two seconds, then off under a constant acceleration of 5 m/s².
         let stick: Vec<f64> = (0..300)
             .map(|k| 2.5 * (0.02 * (k as f64 - 100.0)).max(0.0).powi(2))
             .collect();
-        assert!(holds(&stick, 1e-6).is_empty());
+        assert!(holds(&stick, 1e-6, false).is_empty());
     }
 }

@@ -8,10 +8,14 @@ mod masked;
 mod noise;
 mod outliers;
 mod second_look;
+mod slips;
 mod stamps;
 mod start;
 mod unlogged_force;
 
+use std::ops::Range;
+
+use super::setup::WINDOW_S;
 use super::smooth::unwrapped;
 use super::verdict::DataFault;
 use crate::log::{Log, Run};
@@ -23,6 +27,7 @@ pub use masked::Masked;
 use noise::is_difference;
 pub use noise::{median, noise};
 pub use second_look::second_look;
+use slips::{Slip, Slipped};
 
 /// So many intervals of a fault are listed.
 const MOST_LISTED: usize = 100;
@@ -39,7 +44,7 @@ const OFTEN_HELD: f64 = 0.01;
 /// What a log is seen to hold.
 #[derive(Debug, Clone)]
 pub struct Audited {
-    /// What was measured. Samples that are faulty by themselves do not count; those before a recording's first that counts are not there.
+    /// What was measured. Samples that are faulty by themselves do not count; those outside the stretch of a recording that counts are not there.
     pub observations: Observations,
     /// The first sample of each recording that counts.
     pub firsts: Vec<usize>,
@@ -97,6 +102,10 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
 
     let mut faults = Vec::new();
     let mut valid: Vec<Vec<Vec<bool>>> = Vec::new();
+    let mut slipped: Vec<Slipped> = Vec::new();
+    let mut masked = Masked::none(all.len());
+    // The samples of each recording that count.
+    let mut counting: Vec<Range<usize>> = all.iter().map(|run| 0..run.len()).collect();
     for (channel, column) in channels.iter_mut().zip(&columns) {
         let smooth: Vec<Vec<f64>> = column
             .iter()
@@ -130,46 +139,39 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
         let step = seen_step.filter(coarser).unwrap_or(declared_step);
         let quantum = step / 12.0_f64.sqrt();
         let declared = sensor.position_noise.filter(|_| !channel.velocity);
-        let seen = noise(&smooth);
-        channel.noise = match declared {
-            Some(declared) if seen <= MORE_THAN_DECLARED * declared => declared.hypot(quantum),
-            Some(declared) => {
-                faults.push(DataFault {
-                    kind: "noise".into(),
-                    column: column_name.clone(),
-                    when: Vec::new(),
-                    detail: format!(
-                        "the readings scatter by {seen:.2e} {}, the model declares {declared:.2e}; the scatter is taken",
-                        unit
-                    ),
-                });
-                seen
-            }
-            None => seen.max(quantum),
-        };
-        if channel.noise == 0.0 {
-            // A sensor without noise does not exist; a simulated log may have none. The middle nine tenths tell the range.
-            let mut sorted: Vec<f64> = smooth.iter().flatten().copied().collect();
-            sorted.sort_by(f64::total_cmp);
-            let at = |share: usize| {
-                sorted
-                    .get(sorted.len() * share / 20)
-                    .copied()
-                    .unwrap_or(0.0)
-            };
-            channel.noise = 1e-7 * (at(19) - at(1)).max(1e-9);
-        }
+        let scatters = noise::scatters(&smooth);
+        let rough = of_sensor(noise(&smooth), declared, quantum, &smooth);
         let holds: Vec<Vec<[usize; 2]>> = smooth
             .iter()
-            .map(|y| held::holds(y, channel.noise))
+            .map(|y| held::holds(y, rough, scatters))
             .collect();
+        // What is held has no noise.
+        let parts = smooth.iter().zip(&holds);
+        let parts: Vec<Vec<f64>> = parts
+            .flat_map(|(y, holds)| held::without(y, holds))
+            .collect();
+        let seen = noise(&parts);
+        faults.extend(noise_fault(seen, declared, (&column_name, &unit)));
+        channel.noise = of_sensor(seen, declared, quantum, &smooth);
+        // A blow changes velocities at once.
+        let slips: Vec<Vec<Slip>> = match channel.velocity {
+            true => vec![Vec::new(); all.len()],
+            false => all
+                .iter()
+                .zip(&smooth)
+                .zip(&holds)
+                .map(|((run, y), holds)| slips::slips(&run.t, y, holds, channel.noise))
+                .collect(),
+        };
         let mut marked: Vec<Vec<bool>> = smooth
             .iter()
             .zip(&holds)
-            .map(|(y, holds)| {
+            .zip(&slips)
+            .map(|((y, holds), slips)| {
                 let mut valid = outliers::without_outliers(y, channel.noise);
-                // A jump at the end of a hold is no reading that stands alone.
-                for &[first, last] in holds {
+                // A jump at the end of a hold, and one that stays, is no reading that stands alone.
+                let slips = slips.iter().map(|slip| [slip.at, slip.at - 1]);
+                for [first, last] in holds.iter().copied().chain(slips) {
                     let end = (last + 3).min(valid.len());
                     valid[first.saturating_sub(2)..end].fill(true);
                 }
@@ -196,45 +198,111 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
                 when: when.into_iter().take(MOST_LISTED).collect(),
             });
         }
-        faults.extend(hold_fault(&all, &holds, &mut marked, column_name));
+        faults.extend(hold_fault(&all, &holds, &mut marked, &column_name));
+        for (r, holds) in holds.iter().enumerate() {
+            for &[first, last] in holds {
+                counting[r] = held::beside(counting[r].clone(), first..last + 1);
+                // A window without this sensor says little of what is missing.
+                let [from, to] = [all[r].t[first], all[r].t[last]];
+                if to - from > WINDOW_S {
+                    masked.add(r, [from, to]);
+                }
+            }
+        }
+        slipped.push(Slipped {
+            slips,
+            column: column_name,
+            unit,
+        });
         valid.push(marked);
     }
-    let mut masked = Masked::none(all.len());
     faults.extend(clock::clock_faults(&all, &mut masked));
     let (times, rounded) = stamps::times(&all);
     faults.extend(rounded);
-    let starts = start::dead_starts(model, &all, &channels, &mut faults);
+    for (counting, end) in
+        counting
+            .iter_mut()
+            .zip(start::dead_starts(model, &all, &channels, &mut faults))
+    {
+        *counting = held::beside(counting.clone(), 0..end);
+    }
+    let kept = slips::kept(counting, &slipped);
+    faults.extend(slips::faults(&all, &slipped, &kept));
 
     let runs = all
         .iter()
         .enumerate()
         .map(|(r, run)| {
-            let from = starts[r];
+            let kept = || kept[r].clone();
             ObservedRun {
-                t: times[r][from..].to_vec(),
-                u: run.u.iter().map(|u| u[from..].to_vec()).collect(),
+                t: times[r][kept()].to_vec(),
+                u: run.u.iter().map(|u| u[kept()].to_vec()).collect(),
                 y: columns
                     .iter()
-                    .map(|column| column[r][from..].to_vec())
+                    .map(|column| column[r][kept()].to_vec())
                     .collect(),
                 valid: valid
                     .iter()
-                    .map(|marks| marks[r][from..].to_vec())
+                    .map(|marks| marks[r][kept()].to_vec())
                     .collect(),
             }
         })
         .collect();
     Audited {
         observations: Observations { channels, runs },
-        firsts: starts,
+        firsts: kept.iter().map(|kept| kept.start).collect(),
         faults,
         masked,
     }
 }
 
+/// The noise of a sensor whose readings scatter by `seen`: as declared with its steps, where what is seen does not contradict it.
+fn of_sensor(seen: f64, declared: Option<f64>, quantum: f64, smooth: &[Vec<f64>]) -> f64 {
+    let noise = match declared {
+        Some(declared) if seen <= MORE_THAN_DECLARED * declared => declared.hypot(quantum),
+        Some(_) => seen,
+        None => seen.max(quantum),
+    };
+    if noise > 0.0 {
+        return noise;
+    }
+    // A sensor without noise does not exist; a simulated log may have none. The middle nine tenths tell the range.
+    let mut sorted: Vec<f64> = smooth.iter().flatten().copied().collect();
+    sorted.sort_by(f64::total_cmp);
+    let at = |share: usize| {
+        let place = sorted.len() * share / 20;
+        sorted.get(place).copied().unwrap_or(0.0)
+    };
+    1e-7 * (at(19) - at(1)).max(1e-9)
+}
+
+/// Readings that scatter more than the model says.
+fn noise_fault(
+    seen: f64,
+    declared: Option<f64>,
+    (column, unit): (&str, &str),
+) -> Option<DataFault> {
+    let declared = declared.filter(|declared| seen > MORE_THAN_DECLARED * declared)?;
+    Some(DataFault {
+        kind: "noise".into(),
+        column: column.to_owned(),
+        when: Vec::new(),
+        detail: format!(
+            "the readings scatter by {seen:.2e} {unit}, the model declares {declared:.2e}; the scatter is taken"
+        ),
+    })
+}
+
 /// Whether a fault is one that no model of the mechanism could explain, and not the odd bad reading that every log has.
 pub fn contradicts(fault: &DataFault) -> bool {
-    ["dead_start", "blind_zone", "unlogged_force", "stuck"].contains(&fault.kind.as_str())
+    [
+        "dead_start",
+        "blind_zone",
+        "unlogged_force",
+        "stuck",
+        "slip",
+    ]
+    .contains(&fault.kind.as_str())
 }
 
 /// A sensor that reads in coarser steps than declared, or in so coarse ones that little of the motion is left.
@@ -270,7 +338,7 @@ fn hold_fault(
     runs: &[&Run],
     holds: &[Vec<[usize; 2]>],
     marked: &mut [Vec<bool>],
-    column: String,
+    column: &str,
 ) -> Option<DataFault> {
     let mut when = Vec::new();
     let mut samples = 0;
@@ -285,10 +353,10 @@ fn hold_fault(
     let often = samples as f64 > OFTEN_HELD * all as f64;
     (!when.is_empty()).then(|| DataFault {
         kind: if often { "stuck" } else { "dropped_samples" }.into(),
-        column,
+        column: column.to_owned(),
         detail: format!(
-            "{samples} of {all} samples repeat the one before while the joint moves, {} times, and jump afterwards; they are left out of \
-             all fits",
+            "{samples} of {all} samples repeat the one before, {} times, and jump afterwards, or are many of a sensor that seldom does \
+             in a motion; they are left out of all fits",
             when.len()
         ),
         when: when.into_iter().take(MOST_LISTED).collect(),

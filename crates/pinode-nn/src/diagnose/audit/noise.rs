@@ -3,18 +3,29 @@
 /// Noise of a sensor, from its readings alone: 1.4826 · median |Δᵐ y| / √(2m choose m), the smaller of m = 4 and m = 6. Differences
 /// of that order remove the motion; what is left of a fast one makes the lower order the larger.
 pub fn noise(runs: &[Vec<f64>]) -> f64 {
-    let of_order = |m: usize, binomial: f64| {
-        let mut size: Vec<f64> = Vec::new();
-        for run in runs {
-            let mut d = run.clone();
-            for _ in 0..m {
-                d = d.windows(2).map(|p| p[1] - p[0]).collect();
-            }
-            size.extend(d.into_iter().map(f64::abs));
+    of_order(runs, 4).min(of_order(runs, 6))
+}
+
+fn of_order(runs: &[Vec<f64>], m: usize) -> f64 {
+    let mut size: Vec<f64> = Vec::new();
+    for run in runs {
+        let mut d = run.clone();
+        for _ in 0..m {
+            d = d.windows(2).map(|p| p[1] - p[0]).collect();
         }
-        1.4826 * median(&mut size) / binomial.sqrt()
-    };
-    of_order(4, 70.0).min(of_order(6, 924.0))
+        size.extend(d.into_iter().map(f64::abs));
+    }
+    let binomial: f64 = (1..=m).map(|k| (m + k) as f64 / k as f64).product();
+    1.4826 * median(&mut size) / binomial.sqrt()
+}
+
+/// Two orders of differences find the same noise to this part of it where there is some; what a motion leaves falls by much more.
+const SAME: f64 = 0.7;
+
+/// Whether the readings scatter: what differences of higher order leave is noise and no motion.
+pub fn scatters(runs: &[Vec<f64>]) -> bool {
+    let (six, eight) = (of_order(runs, 6), of_order(runs, 8));
+    eight > SAME * six && six > 0.0
 }
 
 pub fn median(values: &mut [f64]) -> f64 {

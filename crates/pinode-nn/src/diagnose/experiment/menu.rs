@@ -63,8 +63,9 @@ impl Setup {
                 kind,
                 target: link,
                 smoothing: 0.0,
+                fixed: true,
             };
-            hybrid.add(placed, &[mass], true);
+            hybrid.add(placed, &[mass]);
         }
         hybrid
     }
@@ -508,8 +509,9 @@ fn settled(study: &Study, own: &Fitted, from: &[f64]) -> Option<Vec<f64>> {
             kind: viscous,
             target,
             smoothing: 0.0,
+            fixed: true,
         };
-        hybrid.add(placed, &[coefficient], true);
+        hybrid.add(placed, &[coefficient]);
         theta.push(coefficient);
     }
     let count = (SETTLING * pace / study.interval).round() as usize + 2;

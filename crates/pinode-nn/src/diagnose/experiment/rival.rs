@@ -1,10 +1,10 @@
 //! The rival of a found effect, fitted in its place.
 
-use super::super::candidate::Candidate;
+use super::super::candidate::{Candidate, gives_way};
 use super::super::found::{Found, position, stripped};
 use super::super::search::Search;
 use super::super::study::{Fitted, Study};
-use crate::hybrid::Hybrid;
+use crate::hybrid::{Hybrid, Placed};
 
 /// The model with `other` in the place of `found`: as the search fitted it, or fitted now. `None` where it has no fit.
 pub fn fitted(study: &Study, search: &Search, found: &Found, other: Candidate) -> Option<Fitted> {
@@ -33,15 +33,8 @@ pub fn fitted(study: &Study, search: &Search, found: &Found, other: Candidate) -
             let target = own.target;
             let symmetric = Candidate { kind, target };
             let mean = 0.5 * (positive + negative);
-            let there = |e: &crate::hybrid::Placed| e.kind == kind && e.target == target;
-            match hybrid.effects().iter().position(there) {
-                Some(known) => {
-                    let range = hybrid.range(known);
-                    let held = hybrid.constants()[range.start].tolerance == 0.0;
-                    if !held {
-                        rest[range.start] = mean;
-                    }
-                }
+            match hybrid.effects().iter().position(|e| symmetric.is(e)) {
+                Some(known) => rest[hybrid.range(known).start] = mean,
                 None => (hybrid, rest) = symmetric.place(&hybrid, &rest, &[mean]),
             }
             vec![0.5 * (negative - positive)]
@@ -63,14 +56,14 @@ pub fn fitted(study: &Study, search: &Search, found: &Found, other: Candidate) -
 
 /// Whether two models have the same effects but for the two compared and what those contain.
 fn has_the_same_rest(a: &Hybrid, b: &Hybrid, own: Candidate, other: Candidate) -> bool {
-    let compared = |name: &str, target: usize| {
+    let compared = |e: &&Placed| {
         [own, other]
             .iter()
-            .any(|c| c.target == target && (c.kind.name == name || c.kind.contains.contains(&name)))
+            .any(|c| c.is(e) || gives_way(e, c.kind, c.target))
     };
     let rest = |hybrid: &Hybrid| {
-        let effects = hybrid.effects().iter().map(|e| (e.kind.name, e.target));
-        let mut rest: Vec<_> = effects.filter(|e| !compared(e.0, e.1)).collect();
+        let effects = hybrid.effects().iter().filter(|e| !compared(e));
+        let mut rest: Vec<_> = effects.map(|e| (e.kind.name, e.target, e.fixed)).collect();
         rest.sort_unstable();
         rest
     };

@@ -3,7 +3,7 @@
 use crate::diagnose::candidate::Candidate;
 use crate::diagnose::study::{Fitted, Study};
 use crate::effect::Action;
-use crate::hybrid::{DrivenInputs, HiddenPath, Hybrid, Placed, Reading};
+use crate::hybrid::{DrivenInputs, HiddenPath, Hybrid, Reading};
 use crate::shooting::{Member, ObservedRun, Trajectory, Window, roll_all};
 
 /// A probe of a candidate: one column of the equations.
@@ -155,8 +155,7 @@ impl Probed {
 fn kept_states(new: &Hybrid, old: &Hybrid) -> Vec<Option<usize>> {
     let mut kept = Vec::with_capacity(new.nh());
     for (index, effect) in new.effects().iter().enumerate() {
-        let same = |e: &Placed| e.kind == effect.kind && e.target == effect.target;
-        let place = old.effects().iter().position(same);
+        let place = old.effects().iter().position(|e| e.is_same(effect));
         let first = place.map(|k| old.state_range(k).start);
         kept.extend((0..new.state_range(index).len()).map(|k| first.map(|first| first + k)));
     }

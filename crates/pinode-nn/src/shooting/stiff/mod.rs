@@ -289,8 +289,9 @@ mod tests {
                 kind,
                 target,
                 smoothing,
+                fixed: false,
             };
-            hybrid.add(placed, values, false);
+            hybrid.add(placed, values);
         }
         hybrid.stepped_implicitly(stiff)
     }
@@ -350,8 +351,9 @@ mod tests {
             kind: registry::find("stribeck_friction").unwrap(),
             target: 1,
             smoothing: 1e-3,
+            fixed: false,
         };
-        stribeck.add(placed, &[0.05, 0.2, 0.004], false);
+        stribeck.add(placed, &[0.05, 0.2, 0.004]);
         let stribeck = stribeck.stepped_implicitly(true);
         let (theta, start) = (stribeck.theta(), &START[..4]);
         let exact = rolled(&stribeck, &theta, start, 512);

@@ -1,0 +1,118 @@
+//! What a diagnosis tells of logs that no constant law explains, or that hold a mistake of who recorded them. The logs come from an
+//! integrator of their own here, of a pendulum's closed form.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+mod known;
+mod pendulum;
+mod sticking;
+
+use pinode_nn::diagnose::diagnose;
+use pinode_nn::diagnose::verdict::Verdict;
+
+use pendulum::*;
+
+#[test]
+fn milliseconds_for_seconds_are_refused() {
+    let mut log = log(6, |_, [_, v], u| u - VISCOUS * v);
+    log.runs[0].t.iter_mut().for_each(|t| *t *= 1000.0);
+    let dir = tempfile::tempdir().unwrap();
+    let outcome = diagnose(&model(false), &[log], &[], dir.path(), 0, &|_| ());
+    let error = outcome.err().unwrap();
+    assert!(error.to_string().contains("is `t` in seconds?"), "{error}");
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn an_input_of_the_wrong_sign_is_said_to_be_reversed() {
+    let found = diagnosed(&model(false), log(1, |_, [_, v], u| -u - VISCOUS * v));
+    let [effect] = found.effects.as_slice() else {
+        panic!("{:?}", found.effects);
+    };
+    assert_eq!(effect.kind, "input_gain_error");
+    let gain = effect.parameters["gain"].value;
+    assert!((gain + 2.0).abs() < 0.03, "{gain}");
+    assert!(advises(&found, "the other way round"), "{:?}", found.advice);
+    assert!(found.gap.after < 3.0, "{:?}", found.gap);
+}
+
+#[test]
+fn a_motor_that_weakens_is_said_to_change_with_time() {
+    let weaker = |t: f64| 1.0 - 0.3 * t / 60.0;
+    let found = diagnosed(
+        &model(true),
+        log(2, |t, [_, v], u| weaker(t) * u - VISCOUS * v),
+    );
+    let change = found
+        .change
+        .as_ref()
+        .unwrap_or_else(|| panic!("{:?}", found.advice));
+    assert!(change.name.contains("gain"), "{change:?}");
+    // It weakens: the gain error, or the gain, is higher before than after, by half of what it loses over the fitted 45 s.
+    let loss = change.before - change.after;
+    assert!((0.06..0.2).contains(&loss), "{change:?}");
+    assert!((10.0..35.0).contains(&change.t), "{change:?}");
+    assert!(
+        advises(&found, "not one number over the log"),
+        "{:?}",
+        found.advice
+    );
+}
+
+#[test]
+fn what_stays_the_same_is_not_said_to_change() {
+    let found = diagnosed(&model(false), log(3, |_, [_, v], u| 0.8 * u - VISCOUS * v));
+    assert_eq!(found.change, None);
+    assert_eq!(found.verdict, Verdict::EffectsFound);
+}
+
+#[test]
+fn friction_that_warms_up_does_not_end_with_nothing_missing() {
+    // The model's own friction moves to the mean of it, which serves the last quarter worse than what was given.
+    let extra = |t: f64| 0.04 * (-t / 15.0).exp();
+    let found = diagnosed(
+        &model(false),
+        log(4, |t, [_, v], u| u - (VISCOUS + extra(t)) * v),
+    );
+    assert_ne!(found.verdict, Verdict::NothingMissing, "{:?}", found.gap);
+    assert!(
+        advises(&found, "free runs over data that no fit has seen"),
+        "{:?}",
+        found.advice
+    );
+}
+
+#[test]
+fn known_friction_that_moves_far_is_said() {
+    let found = diagnosed(&model(false), log(5, |_, [_, v], u| u - 0.03 * v));
+    assert_eq!(found.verdict, Verdict::NothingMissing);
+    assert!(
+        advises(&found, "without `fixed = true`"),
+        "{:?}",
+        found.advice
+    );
+}
+
+#[test]
+fn a_stop_that_gives_for_a_sixth_of_a_second_is_a_stop() {
+    // π √(m l²/k) = 0.172 s
+    let (place, stiffness) = (0.1, 16.7);
+    let pushes = |q: f64| -stiffness * (q - place).max(0.0);
+    // What goes round has no ends: here it does not, by a motor of 0.4 times the torque.
+    let swings = text(false)
+        .replace(" angles = [\"phi\"],", "")
+        .replace("name = \"motor\"", "name = \"motor\"\ngain = 0.4");
+    let found = diagnosed(
+        &parsed(&swings),
+        log(7, |_, [q, v], u| 0.4 * u - VISCOUS * v + pushes(q)),
+    );
+    let [stop] = found.effects.as_slice() else {
+        panic!("{:?}", found.effects);
+    };
+    assert_eq!(stop.kind, "end_stop");
+    let value = |name: &str| stop.parameters[name].value;
+    assert!((value("upper") - place).abs() < 2e-3, "{stop:?}");
+    assert!(
+        (value("stiffness") / stiffness - 1.0).abs() < 0.02,
+        "{stop:?}"
+    );
+}

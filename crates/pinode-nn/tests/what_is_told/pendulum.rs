@@ -1,0 +1,97 @@
+//! A driven pendulum and its logs, by an integrator of its own.
+
+use std::path::{Path, PathBuf};
+
+use pinode_nn::diagnose::diagnose;
+use pinode_nn::diagnose::verdict::Diagnosis;
+use pinode_nn::log::{Log, Run};
+use pinode_nn::model::Model;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+pub const NOISE: f64 = 1e-3;
+/// m l², m g l, and the viscous friction that the model knows of.
+pub const INERTIA: f64 = 0.05;
+pub const WEIGHT: f64 = 0.981;
+pub const VISCOUS: f64 = 0.01;
+
+pub fn model(fixed: bool) -> Model {
+    parsed(&text(fixed))
+}
+
+pub fn parsed(text: &str) -> Model {
+    Model::parse(Path::new("pendulum.toml"), text.to_owned()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+pub fn text(fixed: bool) -> String {
+    format!(
+        "name = \"pendulum\"\n\
+         lagrangian = {{ coordinates = [\"phi\"], angles = [\"phi\"], kinetic = \"0.5*{INERTIA}*phi_dot^2\", potential = \"-{WEIGHT}*cos(phi)\" }}\n\
+         [[input]]\nname = \"motor\"\njoint = \"phi\"\n\
+         [[effect]]\nkind = \"viscous_friction\"\njoint = \"phi\"\ncoefficient = {VISCOUS}\nfixed = {fixed}\n\
+         [sensor.phi]\nposition_noise = {NOISE:e}\nvelocity = \"none\"\n"
+    )
+}
+
+/// A torque of four sines, N·m.
+pub fn torque(t: f64) -> f64 {
+    0.35 * (1.3 * t).sin()
+        + 0.3 * (2.9 * t + 1.0).sin()
+        + 0.25 * (4.7 * t + 2.0).sin()
+        + 0.2 * (7.1 * t + 0.5).sin()
+}
+
+/// 60 s at 50 Hz of I φ̈ = −m g l sin φ − d φ̇ + τ, τ held from sample to sample, by `law`(t, [φ, φ̇], u) = τ − d φ̇.
+pub fn log(seed: u64, law: impl Fn(f64, [f64; 2], f64) -> f64) -> Log {
+    log_by(NOISE, seed, law)
+}
+
+/// The same by a sensor of this noise.
+pub fn log_by(sensor: f64, seed: u64, law: impl Fn(f64, [f64; 2], f64) -> f64) -> Log {
+    const SUBSTEPS: usize = 20;
+    let mut noise = ChaCha8Rng::seed_from_u64(seed);
+    let mut noise = || -> f64 { StandardNormal.sample(&mut noise) };
+    let t: Vec<f64> = (0..3000).map(|k| 0.02 * f64::from(k)).collect();
+    let u: Vec<f64> = t.iter().map(|&t| torque(t)).collect();
+    let h = 0.02 / SUBSTEPS as f64;
+    let mut x = [0.2, 0.0];
+    let mut q = Vec::new();
+    for (&start, &u) in t.iter().zip(&u) {
+        q.push(x[0] + sensor * noise());
+        for k in 0..SUBSTEPS {
+            let now = start + h * k as f64;
+            let slope =
+                |x: [f64; 2], t: f64| [x[1], (law(t, x, u) - WEIGHT * x[0].sin()) / INERTIA];
+            let ahead = |by: f64, k: [f64; 2]| [x[0] + by * k[0], x[1] + by * k[1]];
+            let a = slope(x, now);
+            let b = slope(ahead(0.5 * h, a), now + 0.5 * h);
+            let c = slope(ahead(0.5 * h, b), now + 0.5 * h);
+            let d = slope(ahead(h, c), now + h);
+            x = [0, 1].map(|i| x[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]));
+        }
+    }
+    Log {
+        path: PathBuf::from("log.csv"),
+        sha256: String::new(),
+        runs: vec![Run {
+            id: "0".into(),
+            t,
+            q: vec![q],
+            v: vec![None],
+            u: vec![u],
+        }],
+        warnings: Vec::new(),
+    }
+}
+
+pub fn diagnosed(model: &Model, log: Log) -> Diagnosis {
+    let dir = tempfile::tempdir().unwrap();
+    diagnose(model, &[log], &[], dir.path(), 0, &|_| ())
+        .unwrap_or_else(|e| panic!("{e}"))
+        .diagnosis
+}
+
+pub fn advises(diagnosis: &Diagnosis, words: &str) -> bool {
+    diagnosis.advice.iter().any(|a| a.contains(words))
+}
