@@ -157,14 +157,6 @@ pub enum Error {
         /// What is held out.
         part: &'static str,
     },
-    /// The equations of a model are not ones that a network can be trained in.
-    #[error(
-        "a network cannot be trained beside {what}: take it out of the model, or fit it by `pinode diagnose`"
-    )]
-    NotTrainable {
-        /// What it has.
-        what: &'static str,
-    },
     /// A coordinate has a name that no formula can have.
     #[error(
         "a model without mechanics is written in formulas of its coordinates: {what}; rename the joint `{joint}`, and put single joints in \

@@ -10,6 +10,13 @@ use super::{DrivenInputs, Hybrid, State};
 use crate::effect::MemoryDerivatives;
 use crate::motion::Momenta;
 
+impl Memory {
+    /// ∂v̇/∂Q of the last [`Hybrid::linearize`].
+    pub(crate) fn response(&self) -> &DMatrix<f64> {
+        &self.by.by_force
+    }
+}
+
 impl Hybrid {
     /// Memory for [`acceleration`](Self::acceleration) and [`linearize`](Self::linearize) for one thread.
     pub fn memory(&self, free: &[usize]) -> Memory {

@@ -92,11 +92,6 @@ impl Recordings {
         let mut all = logs.iter().chain(held_out);
         all.try_for_each(|log| log.check(model))?;
         let hybrid = Hybrid::explicit(model);
-        if hybrid.mechanics().constraints().is_some() {
-            return Err(Error::NotTrainable {
-                what: "a closed loop or another constraint",
-            });
-        }
         let theta = hybrid.theta();
         let audited = audit(model, logs, held_out);
         let fit_runs = logs.iter().map(|log| log.runs.len()).sum();
@@ -228,11 +223,25 @@ impl Recordings {
 
     /// What a network saw of the samples in the windows that it learnt from, one row a sample.
     pub fn seen_states(&self, features: &[Feature]) -> Vec<Vec<f64>> {
+        self.values_at(&self.seen_samples(), features)
+    }
+
+    /// The samples in the windows that are learnt from, by recording and place.
+    pub(super) fn seen_samples(&self) -> Vec<(usize, usize)> {
         let windows = self.seen.windows.iter();
         let samples = windows.flat_map(|w| (w.first..w.first + w.count).map(|k| (w.run, k)));
         let samples: BTreeSet<(usize, usize)> = samples.collect(); // windows overlap
+        samples.into_iter().collect()
+    }
+
+    /// What a network sees of these samples, one row a sample.
+    pub(super) fn values_at(
+        &self,
+        samples: &[(usize, usize)],
+        features: &[Feature],
+    ) -> Vec<Vec<f64>> {
         let starts = starts(self.hybrid.mechanics().coordinates());
-        let of = |(run, k): (usize, usize)| -> Vec<f64> {
+        let of = |&(run, k): &(usize, usize)| -> Vec<f64> {
             let (state, inputs) = (self.state(run, k), &self.inputs[run]);
             let value = |f: &Feature| {
                 f.quantity
@@ -240,7 +249,7 @@ impl Recordings {
             };
             features.iter().map(value).collect()
         };
-        samples.into_iter().map(of).collect()
+        samples.iter().map(of).collect()
     }
 
     /// What the network sees, scaled to mean 0 and deviation 1 over the recordings.

@@ -4,7 +4,8 @@
 //! goes down along its exact gradient in W, by Adam, and on all windows at once by L-BFGS in the end, where that is asked for ([`Options::polish`]). The paper's windows are one sample long and start from the measured state, whose velocities are
 //! differences of two readings; its loss is then biased by their noise ([`Start::Measured`]). The better ones ([`Start::Fitted`], the default) are
 //! longer, start from states that are fitted to them, compare positions in units of their noise and leave out what the audit of the log calls
-//! faulty; what effects and constants of the model can explain is fitted first and kept out of the network.
+//! faulty; what effects and constants of the model can explain is fitted first, and what effects could explain of the network is handed over to them
+//! as it learns, so that it is orthogonal to all that they can do on its joints.
 //!
 //! ```no_run
 //! use pinode_nn::{log::Log, model::Model, train::{Options, Training, train}};
@@ -28,6 +29,7 @@ mod data;
 mod ensemble;
 mod loss;
 mod options;
+mod overlap;
 mod physics;
 mod polish;
 mod session;
@@ -106,6 +108,9 @@ pub struct Trained {
     pub revision: Revision,
     /// The typical loss of the windows held out when the network gives no force; none where it is alone on its joints.
     pub without_network: Option<f64>,
+    /// The share of its force, Σ f² over what it was trained on, that free parameters of effects on its joints could explain: they have taken over what
+    /// they can. None where there are no such parameters.
+    pub overlap: Option<f64>,
     /// Whether it was computed in 32 bits.
     pub single: bool,
     /// What should be known of it: recordings that were not used, and whether the model is better without it.
@@ -115,7 +120,7 @@ pub struct Trained {
 /// Trains a network; `each` hears of every epoch and ends the training by an error.
 ///
 /// # Errors
-/// [`Error::Training`] when the options fit no model, [`Error::NotTrainable`], [`Error::Floating`], [`Error::NoWindow`] and [`Error::NoWindowHeldOut`] when the
+/// [`Error::Training`] when the options fit no model, [`Error::Floating`], [`Error::NoWindow`] and [`Error::NoWindowHeldOut`] when the
 /// recordings are too short, [`Error::Unfittable`] when most roll-outs diverge, [`Error::Checkpoint`], and those of `each`.
 pub fn train(
     training: &Training<'_>,
@@ -156,7 +161,8 @@ fn train_in<T: Real>(
         }
         each(&epoch)?;
     }
-    trained(training, options, &session, without_network)
+    let overlap = session.settle()?;
+    trained(training, options, &session, (without_network, overlap))
 }
 
 impl<'a, T: Real> Session<'a, T> {
@@ -215,7 +221,7 @@ fn trained<T: Real>(
     training: &Training<'_>,
     options: &Options,
     session: &Session<'_, T>,
-    without_network: Option<f64>,
+    (without_network, overlap): (Option<f64>, Option<f64>),
 ) -> Result<Trained, Error> {
     let model = training.model;
     let best_epoch = session.best_epoch();
@@ -261,6 +267,7 @@ fn trained<T: Real>(
         "windows_held_out": session.windows_held_out(),
         "windows_held_out_diverged": best.map(|epoch| epoch.held_out_diverged),
         "loss_held_out_without_network": without_network,
+        "explained_by_effects": overlap,
         "loss_in": match options.start {
             Start::Measured { .. } => "squares of SI units, from measured states",
             Start::Fitted => "squares of the sensors' noise, from fitted states; windows beyond ten of it count little more",
@@ -282,6 +289,7 @@ fn trained<T: Real>(
         history: session.history.clone(),
         best_epoch,
         without_network,
+        overlap,
         single: options.single,
         warnings,
     })

@@ -27,6 +27,8 @@ const FARTHEST: f64 = 1e100;
 /// A window held out that leaves the range of mechanisms counts as if the squares at each of its samples summed up to this: a million deviations of
 /// the noise, or of SI units. Left out, it would be as good as a perfect one.
 const LOST: f64 = 1e12;
+/// What effects take over of a network in the end may cost this share on the windows held out.
+const TAKING_OVER: f64 = 0.01;
 /// Less gain on the windows held out than this share counts as none.
 const GAIN: f64 = 1e-3;
 
@@ -154,6 +156,7 @@ impl<'a, T: Real> Session<'a, T> {
         let number = self.history.len() + 1;
         let fitted = self.options.start == Start::Fitted;
         if fitted && self.options.physics && is_refit(number) {
+            self.hand_over(number as u64)?;
             let force = self.force(&self.learner.network)?;
             self.recordings.fit_beside(force);
         }
@@ -219,6 +222,42 @@ impl<'a, T: Real> Session<'a, T> {
     pub(super) fn return_to_best(&mut self) {
         self.learner.network = self.best.clone();
         self.recordings.set_theta(self.best_theta.clone());
+    }
+
+    /// Lets the effects take over what they can explain of the network's force; whether there was anything.
+    fn hand_over(&mut self, seed: u64) -> Result<bool, Error> {
+        let force = self.force(&self.learner.network)?;
+        let (recordings, learner) = (&mut self.recordings, &mut self.learner);
+        Ok(recordings.take_over(&force, learner, seed))
+    }
+
+    /// Lets the effects take over what they could explain of the best network's force, unless that costs more than [`TAKING_OVER`] on the windows
+    /// held out; the share of it that they still could explain.
+    ///
+    /// # Errors
+    /// [`Error::Mechanics`] of a state in the range of mechanisms.
+    pub(super) fn settle(&mut self) -> Result<Option<f64>, Error> {
+        self.return_to_best();
+        let share = |session: &Self| -> Result<Option<f64>, Error> {
+            let force = session.force(&session.learner.network)?;
+            let overlap = session.recordings.overlap(&force);
+            Ok(overlap.map(|overlap| overlap.share))
+        };
+        if !self.options.physics || !self.hand_over(0)? {
+            return share(self);
+        }
+        let after = self.held_out()?.0;
+        let best = self.best_epoch();
+        let mut history = self.history.iter();
+        let before = history.find(|epoch| epoch.epoch == best);
+        match before.is_some_and(|epoch| after > (1.0 + TAKING_OVER) * epoch.held_out) {
+            true => self.return_to_best(),
+            false => {
+                self.best = self.learner.network.clone();
+                self.best_theta.clone_from(&self.recordings.theta);
+            }
+        }
+        share(self)
     }
 
     /// What is far is so beside the others: while all are, none is.

@@ -242,6 +242,10 @@ fn cases() -> Vec<(&'static str, Case)> {
             "cart-pole with memories",
             Case::new("cartpole/cartpole.toml", MEMORIES, &[0, 1], 2e-3, 7),
         ),
+        (
+            "slider-crank, a closed loop",
+            Case::new("slider_crank/slider_crank.toml", "", &[0], 5e-3, 5),
+        ),
         // Its friction asks for short steps.
         ("arm", Case::new("arm7/arm7.toml", "", &[1, 4], 1e-4, 4)),
     ]
