@@ -4,11 +4,14 @@ use super::search::Search;
 use super::stops::hardened;
 use super::study::{Fitted, MOST_SUBSTEPS, Study};
 use crate::shooting::{Member, Window, roll_all};
-use crate::smoothing::{SmoothingError, VISIBLE, compare};
+use crate::smoothing::{SmoothingError, compare};
 
 /// The integration step is halved until that moves the roll-outs by less than this part of the noise.
 const STEP_ERROR: f64 = 0.3;
-/// Dry friction is fitted again when sticking would move a coordinate by more than what shows, with so much of that as is aimed at.
+/// Dry friction that a search goes on beside is fitted again when sticking would move a coordinate by more than what shows, that of its result when it would
+/// by this, in units of the noise: half its square, 0.05 nats a sample, is the least gain that counts for an effect.
+pub const COUNTS: f64 = 0.316;
+/// … and so much of that is aimed at.
 const AIM: f64 = 0.5;
 /// … but not by more than this at once.
 const SHARPEST: f64 = 0.02;
@@ -85,26 +88,27 @@ fn sharpened(study: &Study, search: &Search) -> Refined {
     if search.pushed {
         return None;
     }
-    let (study, sharp) = sharp(study, &search.model)?;
+    let (study, sharp) = sharp(study, &search.model, COUNTS)?;
     search.improves(&study, &sharp).then_some((study, sharp))
 }
 
-/// By how much sticking would move a coordinate from where the smoothed friction of a fitted model has it where that shows, in units of the noise.
-pub fn shows(study: &Study, fitted: &Fitted) -> Option<f64> {
+/// By how much sticking would move a coordinate from where the smoothed friction of a fitted model has it where that is beyond a `limit`, in units of the
+/// noise.
+pub fn shows(study: &Study, fitted: &Fitted, limit: f64) -> Option<f64> {
     let error = set_valued(study, fitted)?;
     let worst = error.coordinates.iter().map(|c| c.rms).fold(0.0, f64::max);
-    (worst > VISIBLE).then_some(worst)
+    (worst > limit).then_some(worst)
 }
 
 /// A model with its dry friction as sharp as the data see it, fitted anew, and the study with the steps that this takes: where sticking would move a
-/// coordinate by more than [`VISIBLE`] from where the smoothed friction has it, the forces at low speed come out wrong for it. `None` where it would
+/// coordinate by more than a `limit` from where the smoothed friction has it, the forces at low speed come out wrong for it. `None` where it would
 /// not, and where next to no sharper friction is asked for.
-pub fn sharp(study: &Study, fitted: &Fitted) -> Refined {
-    let worst = shows(study, fitted)?;
+pub fn sharp(study: &Study, fitted: &Fitted, limit: f64) -> Refined {
+    let worst = shows(study, fitted, limit)?;
     let theta = &fitted.inside.theta;
-    let (aimed, explicit) = (AIM / worst, fitted.hybrid.sharpest(theta));
+    let (aimed, explicit) = (AIM * limit / worst, fitted.hybrid.sharpest(theta));
     // Implicit steps take several times as long: only where explicit ones would leave it in sight.
-    let factor = match explicit * worst < VISIBLE {
+    let factor = match explicit * worst < limit {
         true => aimed.max(explicit).max(SHARPEST),
         false => aimed.max(SHARPEST),
     };

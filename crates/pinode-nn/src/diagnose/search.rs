@@ -13,6 +13,7 @@ use super::screen;
 use super::step::{LEAST_T2, Report, Step, Turn, accept, is_second_choice, one_step, refine_dear};
 use super::study::{Comparison, Fitted, RELIEF, Study};
 use crate::shooting::Fit;
+use crate::smoothing::VISIBLE;
 
 /// At most so many effects are named.
 const MOST_EFFECTS: usize = 6;
@@ -369,7 +370,7 @@ impl Path {
         if pushed || !self.study.may_sharpen {
             return;
         }
-        if let Some((study, sharp)) = sharp(&self.study, &self.current)
+        if let Some((study, sharp)) = sharp(&self.study, &self.current, VISIBLE)
             && improves(&study, (&sharp, &self.current), self.added.iter())
         {
             let study = std::mem::replace(&mut self.study, study);

@@ -14,6 +14,7 @@ use crate::effect::Between;
 use crate::hybrid::Hybrid;
 use crate::model::{Input, Model};
 use crate::shooting::{Observations, Window, Windows};
+use crate::smoothing::VISIBLE;
 
 /// Length of a window, s, unless the motion is fast: then five of its periods.
 pub const WINDOW_S: f64 = 0.6;
@@ -150,7 +151,7 @@ pub fn prepare(
     }
     // What known friction that sticks does and smoothed friction does not, is no disagreement.
     if study.may_sharpen
-        && let Some((finer, sharp)) = sharp(&study, &null)
+        && let Some((finer, sharp)) = sharp(&study, &null, VISIBLE)
         && Comparison::of(&sharp, &null).total() > 0.0
     {
         (study, null) = (finer, sharp);

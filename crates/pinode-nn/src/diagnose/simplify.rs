@@ -4,7 +4,7 @@ use integrators::event::Direction;
 
 use super::candidate::Candidate;
 use super::found::{position, prune, stripped, without};
-use super::numerics::{sharp, shows};
+use super::numerics::{COUNTS, sharp, shows};
 use super::refine::{does_more, is_sensible};
 use super::search::Search;
 use super::step::Report;
@@ -96,7 +96,8 @@ fn simpler(study: &Study, search: &Search, k: usize) -> Option<(Candidate, Study
         .peekable();
     contained.peek()?;
     // Constants that make up for friction that is not sharp enough are as sure as others.
-    let owes = study.may_sharpen && rich.kind.dry().is_some() && shows(study, model).is_some();
+    let owes =
+        study.may_sharpen && rich.kind.dry().is_some() && shows(study, model, COUNTS).is_some();
     if !owes && does_more(study, &rich, model, &[size]) {
         return None;
     }
@@ -109,7 +110,8 @@ fn simpler(study: &Study, search: &Search, k: usize) -> Option<(Candidate, Study
         hybrid.add(placed, &[size]);
         theta.push(size);
         let fitted = study.fit(hybrid, model.start(theta), 1, ITERATIONS);
-        let sharper = study.may_sharpen.then(|| sharp(study, &fitted)).flatten();
+        let sharper = || sharp(study, &fitted, COUNTS);
+        let sharper = study.may_sharpen.then(sharper).flatten();
         let fits = [Some((study.clone(), fitted)), sharper];
         fits.into_iter().flatten().find_map(|(study, fitted)| {
             let lead = Comparison::of(model, &fitted);
