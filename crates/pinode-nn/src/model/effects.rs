@@ -38,8 +38,12 @@ pub(super) fn read(
             faults.at(
                 table.offset,
                 format!(
-                    "{} acts on this target already: the two cannot be told apart, make them one, or `fixed = true` the one that is known exactly",
-                    effect.kind.name
+                    "{} acts on this target already: the two cannot be told apart, make them one{}",
+                    effect.kind.name,
+                    match effect.fixed {
+                        true => "",
+                        false => ", or `fixed = true` the one that is known exactly",
+                    }
                 ),
             );
         } else if let Some((_, other)) = effects

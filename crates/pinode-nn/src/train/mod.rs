@@ -108,8 +108,8 @@ pub struct Trained {
     pub revision: Revision,
     /// The typical loss of the windows held out when the network gives no force; none where it is alone on its joints.
     pub without_network: Option<f64>,
-    /// The share of its force, Σ f² over what it was trained on, that free parameters of effects on its joints could explain: they have taken over what
-    /// they can. None where there are no such parameters.
+    /// The share of its force, Σ f² over what it was trained on, that free parameters of effects on its joints could still explain, where they were let
+    /// take over what they can. None where there are no such parameters, or constants are kept.
     pub overlap: Option<f64>,
     /// Whether it was computed in 32 bits.
     pub single: bool,
@@ -281,6 +281,7 @@ fn trained<T: Real>(
     }
     let mut warnings = session.recordings.left_out.clone();
     warnings.extend(worse_than_none(best, without_network));
+    warnings.extend(overlap.and_then(shared));
     Ok(Trained {
         revision: revision(model, &session.recordings.hybrid, &session.best_theta),
         force,
@@ -302,6 +303,20 @@ fn worse_than_none(best: Option<&Epoch>, without_network: Option<f64>) -> Option
         format!(
             "the model is better without this network: held out {with:.4} with it, {without:.4} without; leave it out, or train on more data \
              or with other options"
+        )
+    })
+}
+
+/// A larger share of a network's force that effects could explain is warned of.
+const SHARED: f64 = 0.05;
+
+/// Said of a network that does what effects beside it could do.
+fn shared(overlap: f64) -> Option<String> {
+    (overlap > SHARED).then(|| {
+        format!(
+            "effects of the model could explain {:.0} % of this network's force, and did not come to take it over: their free parameters say little \
+             beside it; give what is known of them with `fixed = true`, or train longer",
+            100.0 * overlap
         )
     })
 }

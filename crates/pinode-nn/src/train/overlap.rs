@@ -86,7 +86,7 @@ impl Recordings {
         let taken = &phi * &a;
         let rows = taken.as_slice().chunks(force.outputs().len());
         Some(Overlap {
-            share: 1.0 - (&f - &taken).norm_squared() / whole,
+            share: (1.0 - (&f - &taken).norm_squared() / whole).max(0.0),
             shifts: free.into_iter().zip(a.iter().copied()).collect(),
             taken: rows.map(<[f64]>::to_vec).collect(),
             seen,

@@ -237,13 +237,16 @@ impl<'a, T: Real> Session<'a, T> {
     /// # Errors
     /// [`Error::Mechanics`] of a state in the range of mechanisms.
     pub(super) fn settle(&mut self) -> Result<Option<f64>, Error> {
+        if !self.options.physics || self.options.start != Start::Fitted {
+            return Ok(None);
+        }
         self.return_to_best();
         let share = |session: &Self| -> Result<Option<f64>, Error> {
             let force = session.force(&session.learner.network)?;
             let overlap = session.recordings.overlap(&force);
             Ok(overlap.map(|overlap| overlap.share))
         };
-        if !self.options.physics || !self.hand_over(0)? {
+        if !self.hand_over(0)? {
             return share(self);
         }
         let after = self.held_out()?.0;

@@ -1,7 +1,8 @@
 //! Readings that are held: dropped samples repeated, or a sensor that is stuck.
 //!
 //! A mechanism that comes to rest slows down first and starts slowly again. A reading that is held repeats bit for bit, and jumps to the
-//! truth at its end: by more than the motion on either side of the hold. Readings that scatter do not repeat at all unless they are held.
+//! truth at its end: by more than the motion on either side of the hold. Readings that scatter by more than their least step do not repeat at all unless they
+//! are held.
 
 use std::ops::Range;
 
@@ -11,32 +12,28 @@ const JUMP: f64 = 10.0;
 const BEYOND_MOTION: f64 = 1.6;
 /// … and where it turns round meanwhile: an encoder that hangs at the turning point of a slow swing jumps by two steps or three.
 const BEYOND_A_TURN: f64 = 4.0;
-/// Readings that scatter are held when so many repeat the one before in the middle of a motion …
+/// Readings that scatter are held when so many repeat the one before.
 const FROZEN: usize = 25;
-/// … and no more than this share of all others does.
-const SELDOM: f64 = 0.02;
 /// So many samples on either side tell the motion around a hold.
 const AROUND: usize = 4;
 
 /// The samples of `y` that repeat the one before because the reading is held: [first, last] of each hold.
 pub fn holds(y: &[f64], noise: f64, scatters: bool) -> Vec<[usize; 2]> {
-    let repeated = repetitions(y, noise);
-    let seldom = repeated.iter().map(Range::len).filter(|n| *n < FROZEN);
-    let never = scatters && (seldom.sum::<usize>() as f64) < SELDOM * y.len() as f64;
-    let held = repeated.into_iter().filter(|samples| {
-        let frozen = never && samples.len() >= FROZEN && would_move(y, samples, noise);
+    let held = repetitions(y, noise).into_iter().filter(|samples| {
+        let frozen = scatters && samples.len() >= FROZEN;
         frozen || is_held(y, samples.start, samples.end, noise)
     });
     held.map(|samples| [samples.start, samples.end - 1])
         .collect()
 }
 
-/// Whether the motion before `samples`, going on, would be seen over as many.
-fn would_move(y: &[f64], samples: &Range<usize>, noise: f64) -> bool {
-    let first = samples.start.saturating_sub(AROUND + 1);
-    let gone = y[samples.start - 1] - y[first];
-    let share = samples.len() as f64 / (samples.start - 1 - first).max(1) as f64;
-    gone.abs() > 0.5 * JUMP * noise && share * gone.abs() > JUMP * noise
+/// The parts of `y` between long repetitions of one reading: of a sensor that freezes, what it read before.
+pub fn moving(y: &[f64]) -> Vec<Vec<f64>> {
+    let long = repetitions(y, 0.0)
+        .into_iter()
+        .filter(|r| r.len() >= FROZEN);
+    let long: Vec<[usize; 2]> = long.map(|r| [r.start, r.end - 1]).collect();
+    without(y, &long)
 }
 
 /// The parts of `y` between its holds.
@@ -151,7 +148,11 @@ mod tests {
         let held = y[399];
         y[400..430].fill(held);
         y[430..].iter_mut().for_each(|y| *y -= 1e-2);
-        assert_eq!(holds(&y, 1e-3, true), [[400, 429], [2400, 2999]]);
+        let held = y[0];
+        y[..30].fill(held);
+        assert_eq!(holds(&y, 1e-3, true), [[1, 29], [400, 429], [2400, 2999]]);
+        let left: usize = moving(&y).iter().map(Vec::len).sum();
+        assert_eq!(left, 3000 - 29 - 30 - 600);
     }
 
     #[test]

@@ -139,8 +139,13 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
         let step = seen_step.filter(coarser).unwrap_or(declared_step);
         let quantum = step / 12.0_f64.sqrt();
         let declared = sensor.position_noise.filter(|_| !channel.velocity);
-        let scatters = noise::scatters(&smooth);
-        let rough = of_sensor(noise(&smooth), declared, quantum, &smooth);
+        let moving: Vec<Vec<f64>> = smooth.iter().flat_map(|y| held::moving(y)).collect();
+        let scatters = noise::scatters(&moving);
+        let rough = match scatters {
+            true => noise(&moving),
+            false => noise(&smooth),
+        };
+        let rough = of_sensor(rough, declared, quantum, &smooth);
         let holds: Vec<Vec<[usize; 2]>> = smooth
             .iter()
             .map(|y| held::holds(y, rough, scatters))

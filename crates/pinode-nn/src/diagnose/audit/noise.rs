@@ -22,10 +22,17 @@ fn of_order(runs: &[Vec<f64>], m: usize) -> f64 {
 /// Two orders of differences find the same noise to this part of it where there is some; what a motion leaves falls by much more.
 const SAME: f64 = 0.7;
 
-/// Whether the readings scatter: what differences of higher order leave is noise and no motion.
+/// Rounding of an angle without its turns is less than this part of the noise.
+const ROUNDING: f64 = 1e-6;
+
+/// Whether the readings scatter: what differences of higher order leave is noise and no motion, and more than the least step between two readings. Rounding
+/// looks like noise in a motion, by a sensor as well as by a file's digits, and is none at rest.
 pub fn scatters(runs: &[Vec<f64>]) -> bool {
     let (six, eight) = (of_order(runs, 6), of_order(runs, 8));
-    eight > SAME * six && six > 0.0
+    let steps = runs.iter().flat_map(|y| y.windows(2));
+    let steps = steps.map(|p| (p[1] - p[0]).abs());
+    let least = steps.filter(|d| *d > ROUNDING * six);
+    eight > SAME * six && six > least.fold(f64::INFINITY, f64::min)
 }
 
 pub fn median(values: &mut [f64]) -> f64 {
@@ -87,6 +94,24 @@ mod tests {
             .collect();
         let found = noise(&[y]);
         assert!((found / 1e-3 - 1.0).abs() < 0.1, "{found}");
+    }
+
+    #[test]
+    fn noise_scatters_and_what_an_encoder_or_a_file_rounds_does_not() {
+        let normal = Normal::new(0.0, 1e-3).unwrap();
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(6);
+        let swing = |k: usize| (5.0 * k as f64 * 0.02).sin();
+        let noisy: Vec<f64> = (0..2000)
+            .map(|k| swing(k) + normal.sample(&mut rng))
+            .collect();
+        assert!(scatters(&[noisy]));
+        for step in [2e-3, 1e-6] {
+            let rounded = (0..2000)
+                .map(|k| (swing(k) / step).round() * step)
+                .collect();
+            assert!(!scatters(&[rounded]), "{step}");
+        }
+        assert!(!scatters(&[(0..2000).map(swing).collect()]));
     }
 
     #[test]
