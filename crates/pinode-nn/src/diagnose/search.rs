@@ -172,8 +172,7 @@ fn search_from(study: &Study, null: Fitted, first: Step, seed: u64, report: Repo
     if let Some(k) = first.accepted {
         path.follow(&null, k, seed, report);
     }
-    // Also where what was found beside the first did not stay.
-    let many = path.added.len() > 1 || path.steps.len() > 2;
+    let many = path.added.len() > 1;
     let shown = |k: &usize| holds(study, &null, &first.contenders[*k]);
     let rivals = rivals_of_the_first(&first, &null).into_iter();
     for k in rivals.filter(|k| many || shown(k)) {
@@ -246,8 +245,7 @@ fn search_from(study: &Study, null: Fitted, first: Step, seed: u64, report: Repo
 }
 
 /// Contenders of the first step, of other kinds than the accepted one, that would have been accepted themselves and gain nearly half
-/// as much; at most two. Of kinds that contain one another the simplest stands for all. And one that the accepted one contains: beside others its additional
-/// constants may stand in for what is still missing.
+/// as much; at most two. Of kinds that contain one another the simplest stands for all.
 fn rivals_of_the_first(first: &Step, null: &Fitted) -> Vec<usize> {
     let Some(accepted) = first.accepted else {
         return Vec::new();
@@ -267,13 +265,9 @@ fn rivals_of_the_first(first: &Step, null: &Fitted) -> Vec<usize> {
         )
     };
     let mut rivals: Vec<usize> = Vec::new();
-    let mut contained = None;
     for (k, rival) in first.contenders.iter().enumerate() {
         let sound = rival.is_acceptable() && rival.numerically_sound != Some(false);
         let strong = sound && rival.score - base > 0.4 * gain;
-        if strong && first.contenders[accepted].added[0].contains(&rival.added[0]) {
-            contained = contained.or(Some(k));
-        }
         if !strong || root(k) == root(accepted) {
             continue;
         }
@@ -287,7 +281,6 @@ fn rivals_of_the_first(first: &Step, null: &Fitted) -> Vec<usize> {
         }
     }
     rivals.truncate(2);
-    rivals.extend(contained);
     rivals
 }
 
@@ -310,14 +303,6 @@ struct Path {
     smooth: Option<(Study, Fitted)>,
 }
 
-/// Where a path has come to.
-struct Place {
-    added: Vec<Candidate>,
-    current: Fitted,
-    study: Study,
-    smooth: Option<(Study, Fitted)>,
-}
-
 impl Path {
     fn new(study: &Study, null: Fitted, first: Step) -> Self {
         Path {
@@ -334,23 +319,16 @@ impl Path {
         let mut next = Some(k);
         let mut before: Vec<Vec<Candidate>> = vec![self.added.clone()];
         while let Some(k) = next {
-            let place = self.place();
             if let Some(step) = self.steps.last_mut() {
                 step.accepted = Some(k);
                 let accepted = step.contenders[k].clone();
                 self.take(null, accepted, report);
             }
-            // What is taken and dropped at once would be taken again, and so on; and what it pushed out before it went was there for a reason.
+            // What is taken and dropped at once would be taken again, and so on.
             let same = |old: &Vec<Candidate>| {
                 old.len() == self.added.len() && old.iter().all(|c| self.added.contains(c))
             };
             if before.iter().any(same) {
-                if before
-                    .last()
-                    .is_some_and(|last| last.len() > self.added.len())
-                {
-                    self.return_to(place);
-                }
                 if let Some(step) = self.steps.last_mut() {
                     step.accepted = None;
                 }
@@ -364,25 +342,6 @@ impl Path {
             next = step.accepted;
             self.steps.push(step);
         }
-    }
-
-    /// Where it has come to.
-    fn place(&self) -> Place {
-        Place {
-            added: self.added.clone(),
-            current: self.current.clone(),
-            study: self.study.clone(),
-            smooth: self.smooth.clone(),
-        }
-    }
-
-    fn return_to(&mut self, place: Place) {
-        Place {
-            added: self.added,
-            current: self.current,
-            study: self.study,
-            smooth: self.smooth,
-        } = place;
     }
 
     fn take(&mut self, null: &Fitted, accepted: Contender, report: Report) {

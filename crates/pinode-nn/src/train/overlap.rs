@@ -225,9 +225,9 @@ impl Overlap {
                 for place in 0..tape.groups() * GROUP {
                     let (group, lane) = (place / GROUP, place % GROUP);
                     for o in 0..outputs.len() {
-                        let error = batch.get(place).map_or(0.0, |&k| {
-                            tape.output(0, o, group)[lane].to_f64() - wanted[k][o]
-                        });
+                        let wanted = batch.get(place).and_then(|&k| wanted.get(k)?.get(o));
+                        let found = tape.output(0, o, group)[lane].to_f64();
+                        let error = wanted.map_or(0.0, |wanted| found - wanted);
                         squares += error * error;
                         tape.seed_mut(0, o, group)[lane] = T::from_f64(2.0 * error);
                     }

@@ -17,7 +17,8 @@ const FROZEN: usize = 25;
 /// So many samples on either side tell the motion around a hold.
 const AROUND: usize = 4;
 
-/// The samples of `y` that repeat the one before because the reading is held: [first, last] of each hold.
+/// The samples of `y` that repeat the one before because the reading is held: [first, last] of each hold. `scatters`: see
+/// [`noise::scatters`](super::noise::scatters).
 pub fn holds(y: &[f64], noise: f64, scatters: bool) -> Vec<[usize; 2]> {
     let held = repetitions(y, noise).into_iter().filter(|samples| {
         let frozen = scatters && samples.len() >= FROZEN;

@@ -360,8 +360,8 @@ fn hold_fault(
         kind: if often { "stuck" } else { "dropped_samples" }.into(),
         column: column.to_owned(),
         detail: format!(
-            "{samples} of {all} samples repeat the one before, {} times, and jump afterwards, or are many of a sensor that seldom does \
-             in a motion; they are left out of all fits",
+            "{samples} of {all} samples repeat the one before, {} times, and jump afterwards, or are many of a sensor whose readings scatter; \
+             they are left out of all fits",
             when.len()
         ),
         when: when.into_iter().take(MOST_LISTED).collect(),
