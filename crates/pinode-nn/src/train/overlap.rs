@@ -1,7 +1,7 @@
 //! What of a network's force known effects could explain, which is kept out of it.
 //!
-//! At the samples that are learnt from let f be the network's force and Φ = ∂Q/∂p that of the parameters p of effects which nothing holds and which can
-//! do what the network can, both on the joints that it acts on. What the effects could take over of it is Φ a,
+//! At the samples that are learnt from let f be the network's force and Φ = ∂Q/∂p that of the parameters p of forces of position and velocity, which
+//! nothing holds and which can do what the network can, both on the joints that it acts on. What the effects could take over of it is Φ a,
 //!
 //! a = argmin |f − Φ a|², and |Φ a|²/|f|² is the [`share`](Overlap::share) that it overlaps.
 //!
@@ -17,6 +17,7 @@ use rand_chacha::ChaCha8Rng;
 use super::adam::Adam;
 use super::adjoint::Learner;
 use super::data::Recordings;
+use crate::effect::Action;
 use crate::hybrid::ConstantId;
 use crate::learnt::{LearntForce, Output};
 use crate::network::{GROUP, Mlp, Real, Tape};
@@ -53,10 +54,16 @@ impl Recordings {
     pub fn overlap(&self, force: &LearntForce) -> Option<Overlap> {
         let hybrid = &self.hybrid;
         let constants = hybrid.constants();
+        // What follows the past of motion or input no network sees that has no past itself.
         let is_open = |i: &usize| {
             let constant = &constants[*i];
-            let of_effect = matches!(constant.id, ConstantId::Effect(..));
-            of_effect && constant.tolerance.is_infinite()
+            let of_force = match constant.id {
+                ConstantId::Effect(e, _) => {
+                    matches!(hybrid.effects()[e].kind.action, Action::Joint(_))
+                }
+                _ => false,
+            };
+            of_force && constant.tolerance.is_infinite()
         };
         let free: Vec<usize> = hybrid.free().into_iter().filter(is_open).collect();
         if free.is_empty() {
