@@ -49,7 +49,7 @@ pub fn log(seed: u64, law: impl Fn(f64, [f64; 2], f64) -> f64) -> Log {
 
 /// The same by a sensor of this noise.
 pub fn log_by(sensor: f64, seed: u64, law: impl Fn(f64, [f64; 2], f64) -> f64) -> Log {
-    const SUBSTEPS: usize = 20;
+    const SUBSTEPS: usize = 80;
     let mut noise = ChaCha8Rng::seed_from_u64(seed);
     let mut noise = || -> f64 { StandardNormal.sample(&mut noise) };
     let t: Vec<f64> = (0..3000).map(|k| 0.02 * f64::from(k)).collect();

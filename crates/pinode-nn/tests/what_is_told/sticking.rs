@@ -6,9 +6,9 @@ use pinode_nn::diagnose::verdict::Diagnosis;
 const FORCE: f64 = 0.2;
 
 /// What friction of so much force lets through of the other forces on a pendulum, sums with them to nothing at rest: what would stop it within a few of the
-/// integrator's steps, of 1 ms, or hold it where it is.
+/// integrator's steps, of 0.25 ms, or hold it where it is.
 fn rubs([q, v]: [f64; 2], u: f64, force: f64) -> f64 {
-    let stops = INERTIA * v / 4e-3 + u - WEIGHT * q.sin();
+    let stops = INERTIA * v / 1e-3 + u - WEIGHT * q.sin();
     -stops.clamp(-force, force)
 }
 
