@@ -172,7 +172,7 @@ fn search_from(study: &Study, null: Fitted, first: Step, seed: u64, report: Repo
     if let Some(k) = first.accepted {
         path.follow(&null, k, seed, report);
     }
-    let many = path.added.len() > 1;
+    let many = path.at.added.len() > 1;
     let shown = |k: &usize| holds(study, &null, &first.contenders[*k]);
     let rivals = rivals_of_the_first(&first, &null).into_iter();
     for k in rivals.filter(|k| many || shown(k)) {
@@ -187,10 +187,10 @@ fn search_from(study: &Study, null: Fitted, first: Step, seed: u64, report: Repo
         }
     }
     // What is found first may be a small part of what friction with a memory does.
-    let simple = path.added.iter().all(|c| !is_second_choice(c.kind));
-    let left = path.current.hint(&path.study, false);
+    let simple = path.at.added.iter().all(|c| !is_second_choice(c.kind));
+    let left = path.at.current.hint(&path.at.study, false);
     let rubs = left.is_some_and(Remainder::may_be_friction);
-    if !path.added.is_empty() && simple && rubs {
+    if !path.at.added.is_empty() && simple && rubs {
         report("asking for friction with a memory instead");
         let screened = screen::screen(study, &null, is_second_choice).ranked;
         let promising = screened.iter().filter(|s| s.t2 > LEAST_T2.0);
@@ -209,13 +209,13 @@ fn search_from(study: &Study, null: Fitted, first: Step, seed: u64, report: Repo
             }
         }
     }
-    let Path {
+    let steps = path.steps;
+    let Place {
         mut current,
         mut added,
-        steps,
         study,
         smooth,
-    } = path;
+    } = path.at;
     let mut found = revisit(
         &study,
         &null,
@@ -295,6 +295,12 @@ fn holds(study: &Study, null: &Fitted, contender: &Contender) -> bool {
 /// One way from the null model on.
 struct Path {
     steps: Vec<Step>,
+    at: Place,
+}
+
+/// Where a path has come to.
+#[derive(Clone)]
+struct Place {
     added: Vec<Candidate>,
     current: Fitted,
     /// The study that the current model was fitted in.
@@ -307,43 +313,66 @@ impl Path {
     fn new(study: &Study, null: Fitted, first: Step) -> Self {
         Path {
             steps: vec![first],
-            added: Vec::new(),
-            current: null,
-            study: study.clone(),
-            smooth: None,
+            at: Place {
+                added: Vec::new(),
+                current: null,
+                study: study.clone(),
+                smooth: None,
+            },
         }
     }
 
     /// Takes contender `k` of the first step and goes on until nothing is accepted.
     fn follow(&mut self, null: &Fitted, k: usize, seed: u64, report: Report) {
         let mut next = Some(k);
-        let mut before: Vec<Vec<Candidate>> = vec![self.added.clone()];
+        let mut before: Vec<Vec<Candidate>> = vec![self.at.added.clone()];
         while let Some(k) = next {
+            let place = self.at.clone();
             if let Some(step) = self.steps.last_mut() {
                 step.accepted = Some(k);
                 let accepted = step.contenders[k].clone();
-                self.take(null, accepted, report);
+                self.at.take(null, accepted, report);
             }
-            // What is taken and dropped at once would be taken again, and so on.
+            // What is taken and dropped at once would be taken again, and so on; and what it pushed out before it went was there for a reason.
+            let added = &self.at.added;
             let same = |old: &Vec<Candidate>| {
-                old.len() == self.added.len() && old.iter().all(|c| self.added.contains(c))
+                old.len() == added.len() && old.iter().all(|c| added.contains(c))
             };
             if before.iter().any(same) {
-                if let Some(step) = self.steps.last_mut() {
-                    step.accepted = None;
-                }
+                self.at = place;
+                let Some(step) = self.steps.last_mut() else {
+                    break;
+                };
+                report("which was there before: asking who comes next");
+                step.refuse(k, &self.at.study, &self.at.current, seed);
+                next = step.accepted;
+                continue;
+            }
+            before.push(added.clone());
+            if added.len() >= MOST_EFFECTS {
                 break;
             }
-            before.push(self.added.clone());
-            if self.added.len() >= MOST_EFFECTS {
-                break;
-            }
-            let step = one_step(&self.study, &self.current, Turn::Further, seed, report);
+            let Place { study, current, .. } = &self.at;
+            let step = one_step(study, current, Turn::Further, seed, report);
             next = step.accepted;
             self.steps.push(step);
         }
     }
 
+    /// Whether this model explains the windows better, or as well with fewer constants or with those given less stretched.
+    fn beats(&self, other: &Path) -> bool {
+        let (own, other) = (&self.at.current, &other.at.current);
+        let comparison = Comparison::of(own, other);
+        let (z_in, z_out) = (comparison.inside.z, comparison.outside.z);
+        let simpler = own.inside.free.len() < other.inside.free.len();
+        let better = z_in > 2.0 && z_out > -2.0 && comparison.total() > 0.0;
+        let as_well = z_in > -2.0 && z_out > 0.0 && comparison.relief > -RELIEF;
+        let less_stretched = comparison.relieves() && comparison.total() > 0.0;
+        better || less_stretched || (simpler && as_well)
+    }
+}
+
+impl Place {
     fn take(&mut self, null: &Fitted, accepted: Contender, report: Report) {
         for candidate in &accepted.added {
             report(&format!(
@@ -377,16 +406,5 @@ impl Path {
             let current = std::mem::replace(&mut self.current, sharp);
             self.smooth = Some((study, current));
         }
-    }
-
-    /// Whether this model explains the windows better, or as well with fewer constants or with those given less stretched.
-    fn beats(&self, other: &Path) -> bool {
-        let comparison = Comparison::of(&self.current, &other.current);
-        let (z_in, z_out) = (comparison.inside.z, comparison.outside.z);
-        let simpler = self.current.inside.free.len() < other.current.inside.free.len();
-        let better = z_in > 2.0 && z_out > -2.0 && comparison.total() > 0.0;
-        let as_well = z_in > -2.0 && z_out > 0.0 && comparison.relief > -RELIEF;
-        let less_stretched = comparison.relieves() && comparison.total() > 0.0;
-        better || less_stretched || (simpler && as_well)
     }
 }
