@@ -364,18 +364,20 @@ impl Hybrid {
         }
     }
 
-    /// Adds an effect with these parameter values; they are free, or exact when it is [`fixed`](Placed::fixed).
+    /// Adds an effect with these parameter values; they are free, or exact when it is [`fixed`](Placed::fixed). Beside one of its kind that is, it may take from
+    /// that: [`Kind::lower_bound`].
     ///
     /// With an effect that changes the mechanics where [`Inertial::check`] refuses it, there is no motion: accelerations are NaN, and
     /// an error.
     pub fn add(&mut self, effect: Placed, values: &[f64]) {
         let first = self.constants.len();
         let index = self.effects.len();
+        let known = self.known_strength(effect.kind, effect.target);
         for (k, (spec, &value)) in effect.kind.parameters.iter().zip(values).enumerate() {
             self.constants.push(Constant {
                 id: ConstantId::Effect(index, k),
                 value,
-                lower: spec.lower,
+                lower: effect.kind.lower_bound(k, known),
                 upper: spec.upper,
                 // What is left out does not come into being by a fit.
                 tolerance: match effect.fixed || spec.held || !value.is_finite() {
@@ -395,9 +397,28 @@ impl Hybrid {
         }
         self.effects.push(effect);
         self.ranges.push(first..self.constants.len());
+        // One that was there before may take from what is known from now on.
+        let known = self.known_strength(effect.kind, effect.target);
+        let beside = |placed: &Placed| placed.kind == effect.kind && placed.target == effect.target;
+        for (placed, range) in self.effects.iter().zip(&self.ranges) {
+            if beside(placed) && !placed.fixed && effect.fixed {
+                self.constants[range.start].lower = placed.kind.lower_bound(0, known);
+            }
+        }
         if effect.kind.inertial().is_some() {
             self.extra = Extra::of(self).map(Arc::new);
         }
+    }
+
+    /// What effects of this kind on this target that are known exactly have as their first parameter, all together.
+    pub(crate) fn known_strength(&self, kind: &Kind, target: usize) -> f64 {
+        let known =
+            |placed: &Placed| placed.kind == kind && placed.target == target && placed.fixed;
+        let effects = self.effects.iter().zip(&self.ranges);
+        let strengths = effects
+            .filter(|(placed, _)| known(placed))
+            .map(|(_, range)| self.constants[range.start].value);
+        strengths.sum()
     }
 
     /// Adds a learnt force.

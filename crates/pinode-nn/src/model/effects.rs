@@ -2,6 +2,7 @@
 
 use lagrange::{Mechanics, Position, Problem};
 use nalgebra::{Cholesky, DMatrix};
+use toml::de::DeValue;
 
 use super::document::{Faults, Placed, Section};
 use super::mechanism::{JointFriction, Mechanism, find_coordinate};
@@ -24,8 +25,13 @@ pub(super) fn read(
         _ => None,
     };
     let tables = root.sections("effect", faults);
-    for table in tables.into_iter().filter(|t| !networks::is_network(t)) {
-        let Some(effect) = read_one(&table, mechanism, inputs, faults) else {
+    let mut tables: Vec<Section> = (tables.into_iter())
+        .filter(|t| !networks::is_network(t))
+        .collect();
+    // What is known exactly first: others may take from it.
+    tables.sort_by_key(|table| !is_fixed(table));
+    for table in tables {
+        let Some(effect) = read_one(&table, mechanism, (inputs, &effects), faults) else {
             continue;
         };
         let body = body_of(&effect);
@@ -66,13 +72,20 @@ pub(super) fn read(
         }
         effects.push((table.offset, effect));
     }
+    effects.sort_by_key(|(offset, _)| *offset);
     effects
+}
+
+/// Whether a table says `fixed = true`.
+fn is_fixed(table: &Section) -> bool {
+    let fixed = table.get("fixed").map(|value| value.get_ref());
+    matches!(fixed, Some(DeValue::Boolean(true)))
 }
 
 fn read_one(
     table: &Section,
     mechanism: Option<&Mechanism>,
-    inputs: &[Input],
+    (inputs, before): (&[Input], &[(usize, EffectEntry)]),
     faults: &mut Faults,
 ) -> Option<EffectEntry> {
     let kind = read_kind(table, faults)?;
@@ -158,12 +171,19 @@ fn read_one(
             .and_then(|c| inertia_of(mechanism?, c))
             .unwrap_or(1.0)
     };
+    let known = |other: &&EffectEntry| {
+        let same = other.kind == kind && Some(other.target) == target;
+        same && other.fixed && !is_fixed(table)
+    };
+    let known = before.iter().map(|(_, other)| other).filter(known);
+    let known: f64 = known.filter_map(|other| other.values.first()).sum();
     let mut values = Vec::with_capacity(kind.parameters.len());
-    for spec in kind.parameters {
+    for (k, spec) in kind.parameters.iter().enumerate() {
         let unit = spec.quantity.unit(angular);
-        let bounds = match (spec.lower.is_finite(), spec.upper.is_finite()) {
-            (true, true) => format!("from {} to {} {unit}", spec.lower, spec.upper),
-            (true, false) => format!("at least {} {unit}", spec.lower),
+        let lower = kind.lower_bound(k, known);
+        let bounds = match (lower.is_finite(), spec.upper.is_finite()) {
+            (true, true) => format!("from {lower} to {} {unit}", spec.upper),
+            (true, false) => format!("at least {lower} {unit}"),
             (false, true) => format!("at most {} {unit}", spec.upper),
             (false, false) => "finite".to_owned(),
         };
@@ -182,7 +202,7 @@ fn read_one(
                 ),
             );
         }
-        let within = |x: f64| (spec.lower..=spec.upper).contains(&x);
+        let within = |x: f64| (lower..=spec.upper).contains(&x);
         values.extend(table.number_that(spec.name, &bounds, within, faults));
     }
     let smoothing = if !smoothed {

@@ -548,6 +548,18 @@ fn every_verdict_is_a_sentence() {
         "The data are at fault, not the model: outliers in `q.pole`. Without what is faulty the model explains the data."
     );
     d.verdict = Verdict::EffectsFound;
+    d.effects[0].beside_fixed = true;
+    assert!(
+        verdict_in_words(&d)
+            .starts_with("Coulomb friction on `slider` (beside what is `fixed`) is missing: 0.312")
+    );
+    if let Some(force) = d.effects[0].parameters.get_mut("force") {
+        force.value = -0.1;
+    }
+    let said = verdict_in_words(&d);
+    let less = "Coulomb friction on `slider` is less than is `fixed`: ";
+    assert!(said.starts_with(less), "{said}");
+    d.effects = found.clone();
     d.effects.extend(found);
     assert!(verdict_in_words(&d).starts_with(
         "2 effects are missing: Coulomb friction on `slider`, 0.312 ± 0.010 N (98 %); Coulomb"

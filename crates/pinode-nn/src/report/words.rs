@@ -4,6 +4,7 @@ use crate::diagnose::audit::contradicts;
 use crate::diagnose::verdict::{DOUBTFUL, Diagnosis, Gap, NamedEffect, ParameterValue, Verdict};
 use crate::digits::{exponent, fixed, is_plain};
 pub use crate::digits::{number, short, uncertain};
+use crate::effect::registry;
 
 /// A name of the library without its underscores: `coulomb_friction` is "Coulomb friction".
 pub fn plain(name: &str) -> String {
@@ -114,17 +115,31 @@ fn named(effects: &[NamedEffect]) -> String {
 /// An effect and where it is.
 fn placed(effect: &NamedEffect) -> String {
     let more = match effect.beside_fixed {
+        true if takes_away(effect) => " (less than is `fixed`)",
         true => " (beside what is `fixed`)",
         false => "",
     };
     format!("{} on `{}`{more}", plain(&effect.kind), effect.target)
 }
 
+/// Whether it takes from what is known exactly: its strength is negative.
+fn takes_away(effect: &NamedEffect) -> bool {
+    let kind = registry::find(&effect.kind).filter(|kind| effect.beside_fixed && kind.adds_up());
+    let strength = kind.and_then(|kind| effect.parameters.get(kind.parameters.first()?.name));
+    strength.is_some_and(|strength| strength.value < 0.0)
+}
+
 fn missing(effects: &[NamedEffect]) -> String {
     match effects {
         [] => "An effect is missing".to_owned(),
         [one] => {
-            let said = format!("{} is missing", capital(&placed(one)));
+            let said = match takes_away(one) {
+                true => {
+                    let kind = capital(&plain(&one.kind));
+                    format!("{kind} on `{}` is less than is `fixed`", one.target)
+                }
+                false => format!("{} is missing", capital(&placed(one))),
+            };
             match quantities(one) {
                 Some(quantities) => {
                     format!("{said}: {quantities} ({})", percent(one.confidence))

@@ -64,3 +64,62 @@ fn nothing_is_missing_beside_fixed_friction_that_is_right() {
         found.effects
     );
 }
+
+#[test]
+fn less_viscous_friction_than_is_fixed_is_that() {
+    let found = diagnosed(&model(true), log(15, |_, [_, v], u| u - 0.004 * v));
+    let (less, error) = only(&found, "viscous_friction");
+    assert!(
+        (less + 0.006).abs() < 3.0 * error && error < 5e-4,
+        "{less} ± {error}"
+    );
+    assert!(found.gap.after < 1.5, "{:?}", found.gap);
+}
+
+#[test]
+fn less_coulomb_friction_than_is_fixed_is_that() {
+    let given = parsed(&format!(
+        "{}[[effect]]\nkind = \"coulomb_friction\"\njoint = \"phi\"\nforce = 0.06\nfixed = true\n",
+        text(true)
+    ));
+    let law = |_, [_, v]: [f64; 2], u: f64| u - VISCOUS * v - 0.04 * (v / 1e-3).tanh();
+    let found = diagnosed(&given, log(16, law));
+    let (less, error) = only(&found, "coulomb_friction");
+    assert!(
+        (less + 0.02).abs() < 3.5 * error && error < 1e-3,
+        "{less} ± {error}"
+    );
+}
+
+/// Whichever stands first in the file.
+#[test]
+fn a_model_may_take_from_what_is_fixed_and_no_more_than_that() {
+    let less = |coefficient: f64| {
+        format!(
+            "[[effect]]\nkind = \"viscous_friction\"\njoint = \"phi\"\ncoefficient = {coefficient}\n"
+        )
+    };
+    let after = parsed(&format!("{}{}", text(true), less(-0.4 * VISCOUS)));
+    let (head, tail) = text(true)
+        .split_once("[[effect]]")
+        .map(|(a, b)| (a.to_owned(), b.to_owned()))
+        .unwrap();
+    let before = parsed(&format!("{head}{}[[effect]]{tail}", less(-0.4 * VISCOUS)));
+    for model in [after, before] {
+        let hybrid = pinode_nn::hybrid::Hybrid::of(&model);
+        let lower = hybrid
+            .constants()
+            .iter()
+            .filter(|c| c.value == -0.4 * VISCOUS)
+            .map(|c| c.lower);
+        assert_eq!(lower.collect::<Vec<_>>(), [-VISCOUS]);
+    }
+    let too_much = format!("{}{}", text(true), less(-1.1 * VISCOUS));
+    let refused = pinode_nn::model::Model::parse("m.toml".as_ref(), too_much)
+        .err()
+        .unwrap()
+        .to_string();
+    assert!(refused.contains("at least -0.01 N·m·s/rad"), "{refused}");
+    let alone = format!("{}{}", text(false), less(-0.4 * VISCOUS));
+    assert!(pinode_nn::model::Model::parse("m.toml".as_ref(), alone).is_err());
+}

@@ -24,12 +24,14 @@ pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) ->
         .filter(|candidate| !candidate.winds_up(hybrid, &study.scales))
         .flat_map(|candidate| {
             let contained = candidate.contained(hybrid, &fit.theta);
+            let known = hybrid.known_strength(candidate.kind, candidate.target);
             (candidate.kind.probes)(&candidate.scales(hybrid, &study.scales), &contained)
                 .into_iter()
                 .map(move |probe| {
                     let specs = candidate.kind.parameters.iter();
                     Column {
                         candidate,
+                        known,
                         neutral: probe.neutral,
                         // What goes with the inertia may be more than a model file can hold.
                         perturbed: specs

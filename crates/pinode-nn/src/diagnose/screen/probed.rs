@@ -12,6 +12,8 @@ pub(super) struct Column {
     pub(super) candidate: Candidate,
     pub(super) neutral: Vec<f64>,
     pub(super) perturbed: Vec<f64>,
+    /// What the same kind has on this target that is known exactly: the candidate may take so much from it.
+    pub(super) known: f64,
 }
 
 impl Column {
@@ -29,9 +31,13 @@ impl Column {
         let start: Vec<f64> = specs
             .iter()
             .zip(self.neutral.iter().zip(&self.perturbed))
-            .map(|(spec, (n, p))| match n == p {
+            .enumerate()
+            .map(|(k, (spec, (n, p)))| match n == p {
                 true => *n,
-                false => (n + factor * (p - n)).clamp(spec.lower, spec.upper),
+                false => {
+                    let lower = self.candidate.kind.lower_bound(k, self.known);
+                    (n + factor * (p - n)).clamp(lower, spec.upper)
+                }
             })
             .collect();
         let moved = start.iter().zip(&self.neutral).any(|(a, b)| a != b);
