@@ -4,7 +4,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use approx::assert_relative_eq;
-use lagrange::mechanism::{JointKind, Tree};
+use lagrange::mechanism::{Angles, Axis, JointKind, PoseForm, Tree};
 use lagrange::urdf::{self, Options, Urdf};
 use lagrange::{Dynamics, Lagrangian, Mechanics};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Unit, Vector3};
@@ -268,4 +268,77 @@ fn mimic_of_several_coordinates_is_read_where_mimics_are_ignored() {
         names(&read(&text, &ignored).tree),
         ["p.x", "p.y", "p.theta", "k"]
     );
+}
+
+/// The energies, from which all equations come, and the place of every link are those of the pose.
+#[test]
+fn a_pose_by_angles_is_the_same_mechanism() {
+    let text = two_joints(
+        &joint(
+            "j",
+            "floating",
+            "base",
+            "a",
+            r#"<origin xyz="0.1 -0.2 0.3" rpy="0.4 0.5 -0.6"/>"#,
+        ),
+        &joint(
+            "k",
+            "continuous",
+            "a",
+            "b",
+            r#"<origin xyz="0.5 0.1 0.2" rpy="0.2 0.3 0.1"/><axis xyz="1 2 3"/>"#,
+        ),
+    );
+    for base in [false, true] {
+        let options = Options {
+            floating_base: base,
+            ..Options::default()
+        };
+        let by_pose = read(&text, &options).tree;
+        let poses = if base { 2 } else { 1 };
+        let q: Vec<f64> = (0..by_pose.nq())
+            .map(|i| (1.3 * i as f64 + 0.7).sin())
+            .collect();
+        let mut q = q;
+        lagrange::state::normalize(by_pose.coordinates(), &mut q);
+        let v: Vec<f64> = (0..by_pose.nv()).map(|i| (1.7 * i as f64).cos()).collect();
+        for roll_axis in Axis::ALL {
+            let angles = Angles { roll_axis };
+            let tree = read(
+                &text,
+                &Options {
+                    pose: PoseForm::Angles(angles),
+                    ..options.clone()
+                },
+            )
+            .tree;
+            assert_eq!((tree.nq(), tree.nv()), (6 * poses + 1, 6 * poses + 1));
+            assert!(!tree.is_floating());
+            let (mut at, mut rates) = (Vec::new(), Vec::new());
+            for k in 0..poses {
+                let pose: [f64; 7] = q[7 * k..7 * k + 7].try_into().unwrap();
+                let twist: [f64; 6] = v[6 * k..6 * k + 6].try_into().unwrap();
+                at.extend(angles.of_pose(&pose));
+                rates.extend(angles.rates(&pose, &twist));
+            }
+            at.push(q[7 * poses]);
+            rates.push(v[6 * poses]);
+            let close = |a: f64, b: f64| assert_relative_eq!(a, b, max_relative = 1e-12);
+            close(tree.kinetic(&at, &rates), by_pose.kinetic(&q, &v));
+            close(tree.potential(&at), by_pose.potential(&q));
+            let places = tree.link_poses(&at).unwrap();
+            for (found, expected) in places.iter().zip(by_pose.link_poses(&q).unwrap()) {
+                is(
+                    found,
+                    expected.translation.vector,
+                    &expected.rotation.to_rotation_matrix(),
+                );
+            }
+            // What the trees of both forms are made of, body by body.
+            for (found, expected) in tree.bodies().iter().zip(by_pose.bodies()) {
+                assert_relative_eq!(found.centre, expected.centre, epsilon = 1e-14);
+                assert_relative_eq!(found.inertia, expected.inertia, epsilon = 1e-14);
+            }
+        }
+    }
 }

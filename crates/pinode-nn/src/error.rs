@@ -216,8 +216,8 @@ pub enum Error {
     /// A coordinate is a pose, and the work asked for takes one number a coordinate.
     #[error(
         "{work} takes coordinates of one measured number each, and `{coordinate}` is the pose of a body that floats: seven numbers \
-         in q and six in v; hold the body still (base = \"fixed\", or a fixed joint), or let it move by single joints (three \
-         prismatic and three revolute ones)"
+         in q and six in v; write it by angles (pose = \"angles\" in the model file, or `poses::by_angles` for model and logs), or hold \
+         the body still (base = \"fixed\", or a fixed joint)"
     )]
     Floating {
         /// The coordinate.

@@ -370,7 +370,7 @@ fn an_input_and_a_friction_behind_a_floating_base_act_on_their_own_joint() {
 }
 
 #[test]
-fn what_needs_one_measured_number_a_coordinate_refuses_a_pose() {
+fn a_log_without_its_pose_is_told_the_columns_and_the_library_refuses_poses_in_fits() {
     let dir = folder(STONE, "base = 'floating'");
     std::fs::write(dir.path().join("log.csv"), "t,q.base\n0,0\n").unwrap();
     for arguments in [
@@ -382,9 +382,8 @@ fn what_needs_one_measured_number_a_coordinate_refuses_a_pose() {
         assert_eq!(output.status.code(), Some(1), "{arguments:?}");
         let message = stderr(&output);
         for words in [
-            "`base` is the pose of a body that floats",
-            "base = \"fixed\"",
-            "single joints",
+            "column `q.base.x` is missing",
+            "column `q.base.qz` is missing",
         ] {
             assert!(
                 message.contains(words),
@@ -396,7 +395,11 @@ fn what_needs_one_measured_number_a_coordinate_refuses_a_pose() {
     let model = load(&dir);
     let options = pinode_nn::evaluate::Options::default();
     let refused = pinode_nn::evaluate::evaluate(&model, &[], &options);
-    assert!(matches!(refused, Err(Error::Floating { .. })));
+    let Err(refused @ Error::Floating { .. }) = refused else {
+        panic!("{refused:?}");
+    };
+    let cure = "write it by angles (pose = \"angles\" in the model file";
+    assert!(refused.to_string().contains(cure), "{refused}");
 }
 
 #[test]

@@ -2,11 +2,12 @@
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use super::joint::{Drive, JointSpec, coordinates, not_a_tree, plane_of, pose_of, z_to};
+use super::angles::{PoseForm, next_axes};
+use super::joint::{Drive, JointSpec, coordinates, not_a_tree, plane_of, z_to};
 use super::node::{Freedom, Node, Rotation};
 use super::shortcuts::Shortcuts;
 use super::{Body, Inertia, Inertial, JointKind, Link, Tree};
-use crate::{Coordinate, Parameter, Problem, Role};
+use crate::{Parameter, Problem, Role};
 
 /// A link on the way into [`Tree::assemble`].
 pub(crate) struct LinkSpec {
@@ -26,16 +27,19 @@ pub(crate) const BASE: &str = "base";
 
 impl Tree {
     /// The tree of `links` and `joints`, in the order of the source. `floats`: the root link is free. `follow`: mimic joints take
-    /// their leader's coordinate.
+    /// their leader's coordinate. `form`: how poses are written.
     pub(crate) fn assemble(
         links: &[LinkSpec],
         joints: &[JointSpec],
         gravity: [f64; 3],
         floats: bool,
-        follow: bool,
+        (follow, form): (bool, PoseForm),
     ) -> Result<Tree, Problem> {
-        let base: Vec<Coordinate> = floats.then(|| pose_of(BASE)).into_iter().collect();
-        let (coordinates, drives) = coordinates(base, joints, follow)?;
+        let base = match floats {
+            true => form.coordinates(BASE),
+            false => Vec::new(),
+        };
+        let (coordinates, drives) = coordinates(base, joints, (follow, form))?;
 
         // The joints that leave every link, and the one link that no joint moves.
         let mut leaving = vec![Vec::new(); links.len()];
@@ -68,7 +72,7 @@ impl Tree {
                     let joint = by.map(|j: usize| &joints[j].joint);
                     let kind = joint.map_or(JointKind::Floating, |joint| joint.kind);
                     let axis = joint.map_or(Vector3::z(), |joint| joint.axis);
-                    let (turn, rotation) = axes(kind, &frame.rotation, &axis);
+                    let (turn, rotation) = axes((kind, form), &frame.rotation, &axis);
                     seeds.push(Seed {
                         parent,
                         joint: by,
@@ -130,13 +134,13 @@ impl Tree {
             });
         }
         for seed in &seeds {
-            tree.push_body(seed, links);
+            tree.push_body(seed, links, form);
         }
         tree.order_children();
         Ok(tree)
     }
 
-    fn push_body(&mut self, seed: &Seed, links: &[LinkSpec]) {
+    fn push_body(&mut self, seed: &Seed, links: &[LinkSpec], form: PoseForm) {
         let names: Vec<String> = seed.links.iter().map(|&l| links[l].name.clone()).collect();
         let name = names.first().cloned().unwrap_or_default();
         let parameter = (!seed.inertia.is_zero()).then(|| {
@@ -152,9 +156,9 @@ impl Tree {
             parent: seed.parent.and_then(|p| self.bodies.get(p)).map(|b| b.node),
             rotation: transposed_rows(&seed.rotation),
             translation: (p != Vector3::zeros()).then_some([p.x, p.y, p.z]),
-            freedom: match seed.kind {
-                JointKind::Floating => Freedom::Free,
-                JointKind::Prismatic => Freedom::Slide,
+            freedom: match (seed.kind, form) {
+                (JointKind::Floating, PoseForm::Quaternion) => Freedom::Free,
+                (JointKind::Prismatic, _) => Freedom::Slide,
                 _ => Freedom::Turn,
             },
             q: seed.drive.q,
@@ -174,31 +178,47 @@ impl Tree {
             children: 0..0,
             short: Shortcuts::default(),
         };
-        if seed.kind == JointKind::Planar {
-            // Along x and along y first: every frame has the axes y, z, x of the one before, and three such turns undo each other.
-            let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
-            let turn = Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[y, z, x]));
-            for rotation in [seed.rotation * turn, turn] {
-                self.push_node(Node {
-                    parent: node.parent,
-                    rotation: transposed_rows(&rotation),
-                    translation: node.translation.take(),
-                    freedom: Freedom::Slide,
-                    q: node.q,
-                    v: node.v,
-                    follow: None,
-                    mass: 0.0,
-                    moment: [0.0; 3],
-                    inertia: [0.0; 6],
-                    parameter: None,
-                    children: 0..0,
-                    short: Shortcuts::default(),
-                });
-                node.parent = Some(self.nodes.len() - 1);
-                node.q += 1;
-                node.v += 1;
-            }
-            node.rotation = transposed_rows(&turn);
+        // Motions one after the other, each along or about the z of a frame of its own, between which the axes are permuted: (y, z, x) of the frame before,
+        // three of which undo each other.
+        let turn = next_axes();
+        let back = turn.inverse();
+        let (slide, about) = (Freedom::Slide, Freedom::Turn);
+        let before = match (seed.kind, form) {
+            (JointKind::Planar, _) => vec![(seed.rotation * turn, slide), (turn, slide)],
+            (JointKind::Floating, PoseForm::Angles(_)) => vec![
+                (seed.rotation * turn, slide),
+                (turn, slide),
+                (turn, slide),
+                (Rotation3::identity(), about),
+                (back, about),
+            ],
+            _ => Vec::new(),
+        };
+        if !before.is_empty() {
+            node.rotation = transposed_rows(match seed.kind {
+                JointKind::Planar => &turn,
+                _ => &back,
+            });
+        }
+        for (rotation, freedom) in before {
+            self.push_node(Node {
+                parent: node.parent,
+                rotation: transposed_rows(&rotation),
+                translation: node.translation.take(),
+                freedom,
+                q: node.q,
+                v: node.v,
+                follow: None,
+                mass: 0.0,
+                moment: [0.0; 3],
+                inertia: [0.0; 6],
+                parameter: None,
+                children: 0..0,
+                short: Shortcuts::default(),
+            });
+            node.parent = Some(self.nodes.len() - 1);
+            node.q += 1;
+            node.v += 1;
         }
         self.push_node(node);
         let in_link = seed.inertia.rotated(seed.turn.matrix());
@@ -266,16 +286,20 @@ struct Seed {
 
 /// The rotations of a body's frame with z along `axis`, in its link's frame and in the frame that carries it, in which the link is
 /// turned by `link`. For a joint of one coordinate, an axis parallel to z there (to rounding) leaves the frame as it is; the body of
-/// a floating joint keeps its link's frame.
+/// a floating joint keeps its link's frame, and has its roll axis along z where the pose is written by angles.
 fn axes(
-    kind: JointKind,
+    (kind, form): (JointKind, PoseForm),
     link: &UnitQuaternion<f64>,
     axis: &Vector3<f64>,
 ) -> (Rotation3<f64>, Rotation3<f64>) {
     let link = link.to_rotation_matrix();
     let carried = link * axis;
     let turn = match kind {
-        JointKind::Floating => Rotation3::identity(),
+        JointKind::Floating => match form {
+            PoseForm::Quaternion => Rotation3::identity(),
+            // The motions before the last one start in the joint's own frame.
+            PoseForm::Angles(angles) => return (angles.last_frame(), link),
+        },
         JointKind::Planar => plane_of(axis),
         _ if carried.z > 0.0 && carried.x.abs() <= 1e-15 && carried.y.abs() <= 1e-15 => {
             return (link.inverse(), Rotation3::identity());

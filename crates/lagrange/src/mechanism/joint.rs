@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-use super::Placement;
+use super::{Placement, PoseForm};
 use crate::{Coordinate, Problem};
 
 /// A joint between two links, as the model's source gives it.
@@ -69,7 +69,8 @@ pub enum JointKind {
     /// z to the axis: along x and y themselves for the axis z, along −z and y for the axis x, along x and −z for the axis y, along
     /// x and −y for the axis −z. The velocities are the rates of the coordinates.
     Planar,
-    /// Any motion: one coordinate entry, with seven numbers in q and six in v (see [`Coordinate::floating`]).
+    /// Any motion: one coordinate entry, with seven numbers in q and six in v (see [`Coordinate::floating`]), or six of one number each
+    /// where the tree is read with [`PoseForm::Angles`].
     Floating,
 }
 
@@ -155,19 +156,8 @@ impl Drive {
     }
 }
 
-/// The pose of a free body.
-pub(crate) fn pose_of(joint: &str) -> Coordinate {
-    Coordinate {
-        name: joint.to_owned(),
-        joint: joint.to_owned(),
-        angular: false,
-        wraps: false,
-        floating: true,
-    }
-}
-
 /// The coordinates that a joint has when it follows none.
-fn own_coordinates(joint: &Joint) -> Vec<Coordinate> {
+fn own_coordinates(joint: &Joint, form: PoseForm) -> Vec<Coordinate> {
     let single = |suffix: &str, angular: bool, wraps: bool| Coordinate {
         name: format!("{}{suffix}", joint.name),
         joint: joint.name.clone(),
@@ -185,7 +175,7 @@ fn own_coordinates(joint: &Joint) -> Vec<Coordinate> {
             single(".y", false, false),
             single(".theta", true, true),
         ],
-        JointKind::Floating => vec![pose_of(&joint.name)],
+        JointKind::Floating => form.coordinates(&joint.name),
     }
 }
 
@@ -194,7 +184,7 @@ fn own_coordinates(joint: &Joint) -> Vec<Coordinate> {
 pub(crate) fn coordinates(
     mut list: Vec<Coordinate>,
     joints: &[JointSpec],
-    follow: bool,
+    (follow, form): (bool, PoseForm),
 ) -> Result<(Vec<Coordinate>, Vec<Option<Drive>>), Problem> {
     fn followed(joint: &Joint, follow: bool) -> Option<&Mimic> {
         let single = joint.kind.is_single();
@@ -211,7 +201,7 @@ pub(crate) fn coordinates(
         let moves = joint.kind != JointKind::Fixed && followed(joint, follow).is_none();
         drives.push(moves.then_some(next));
         if moves {
-            for coordinate in own_coordinates(joint) {
+            for coordinate in own_coordinates(joint, form) {
                 next.coordinate += 1;
                 next.q += coordinate.nq();
                 next.v += coordinate.nv();

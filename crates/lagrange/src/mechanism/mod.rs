@@ -1,5 +1,6 @@
 //! Kinematic trees: rigid bodies joined by joints.
 
+mod angles;
 mod assemble;
 mod inertia;
 mod jacobian;
@@ -13,6 +14,7 @@ mod shortcuts;
 mod tree;
 mod variants;
 
+pub use angles::{Angles, Axis, PoseForm};
 pub use inertia::{Inertia, Inertial};
 pub use jacobian::Poses;
 pub use joint::{Joint, JointKind, Limits, Mimic};

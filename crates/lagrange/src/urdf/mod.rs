@@ -17,7 +17,7 @@ mod validate;
 mod write;
 mod xml;
 
-use crate::mechanism::Tree;
+use crate::mechanism::{PoseForm, Tree};
 use crate::{Problem, Problems};
 
 /// How to read a URDF.
@@ -29,6 +29,8 @@ pub struct Options {
     pub gravity: [f64; 3],
     /// Whether the root link is free to move: its pose is then the first coordinate, `base`, and its mass counts.
     pub floating_base: bool,
+    /// How the poses of floating bodies are written.
+    pub pose: PoseForm,
     /// Whether mimic joints are independent instead of following their leader.
     pub ignore_mimic: bool,
     /// Whether an inertia that no real body can have (A + B < C) is an error instead of a warning.
@@ -42,6 +44,7 @@ impl Default for Options {
             source: "URDF".to_owned(),
             gravity: [0.0, 0.0, -9.81],
             floating_base: false,
+            pose: PoseForm::Quaternion,
             ignore_mimic: false,
             strict: false,
         }

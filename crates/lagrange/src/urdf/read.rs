@@ -106,8 +106,14 @@ fn tree(robot: &urdf_rs::Robot, source: &Source, options: &Options) -> Result<Tr
             })
         })
         .collect::<Result<_, Problem>>()?;
-    let (floats, follow) = (options.floating_base, !options.ignore_mimic);
-    Tree::assemble(&links, &joints, options.gravity, floats, follow)
+    let rest = (!options.ignore_mimic, options.pose);
+    Tree::assemble(
+        &links,
+        &joints,
+        options.gravity,
+        options.floating_base,
+        rest,
+    )
 }
 
 fn placement(pose: &urdf_rs::Pose) -> Placement {

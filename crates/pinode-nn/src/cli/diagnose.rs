@@ -5,8 +5,6 @@ use std::path::PathBuf;
 use super::workflow::{self, Task, command_line};
 use super::{Output, summary};
 use crate::Error;
-use crate::diagnose;
-use crate::entries::refuse_poses;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
@@ -25,12 +23,8 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(), Error> {
     let model = output.load_model(&arguments.model)?;
-    refuse_poses(model.mechanics.coordinates(), diagnose::WORK)?;
-    let read = |paths: &[PathBuf]| {
-        let logs = paths.iter().map(|path| output.read_log(path, &model));
-        logs.collect::<Result<Vec<_>, _>>()
-    };
-    let (logs, held_out) = (read(&arguments.logs)?, read(&arguments.holdout)?);
+    let paths = (&arguments.logs[..], &arguments.holdout[..]);
+    let (model, logs, held_out) = output.read_logs(paths, model)?;
     let task = Task {
         model: &model,
         logs: &logs,

@@ -9,8 +9,7 @@ use super::output::Output;
 use super::simulate::positive;
 use crate::Error;
 use crate::band::COVERAGE;
-use crate::entries::refuse_poses;
-use crate::evaluate::{Evaluation, Options, WORK, evaluate};
+use crate::evaluate::{Evaluation, Options, evaluate};
 use crate::free_run::{Initial, LONGEST_STEP};
 
 #[derive(Debug, clap::Args)]
@@ -46,12 +45,7 @@ enum Start {
 
 pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     let model = output.load_model(&arguments.model)?;
-    refuse_poses(model.mechanics.coordinates(), WORK)?;
-    let logs = arguments
-        .logs
-        .iter()
-        .map(|path| output.read_log(path, &model))
-        .collect::<Result<Vec<_>, _>>()?;
+    let (model, logs, _) = output.read_logs((&arguments.logs, &[]), model)?;
     let options = Options {
         horizon: arguments.horizon,
         windows: arguments.windows as usize,

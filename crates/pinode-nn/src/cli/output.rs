@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 use std::io::{ErrorKind, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use lagrange::Problems;
 use serde::Serialize;
@@ -11,6 +11,7 @@ use crate::Error;
 use crate::learnt::{Departure, Saw};
 use crate::log::Log;
 use crate::model::Model;
+use crate::poses::by_angles;
 use crate::report::words::{percent, short, with_unit};
 
 /// The streams of a program.
@@ -127,15 +128,45 @@ impl Output {
     /// Those of [`Log::read`].
     pub fn read_log(&self, path: &Path, model: &Model) -> Result<Log, Error> {
         let log = Log::read(path, model)?;
-        for warning in &log.warnings {
+        self.warn(&log, 0);
+        Ok(log)
+    }
+
+    /// Reads logs to fit and logs to hold out, and tells their warnings. Poses are written by angles, in the model too.
+    ///
+    /// # Errors
+    /// Those of [`Log::read`] and [`by_angles`].
+    pub(super) fn read_logs(
+        &self,
+        (logs, held_out): (&[PathBuf], &[PathBuf]),
+        model: Model,
+    ) -> Result<(Model, Vec<Log>, Vec<Log>), Error> {
+        let paths = logs.iter().chain(held_out);
+        let read = paths.map(|path| self.read_log(path, &model));
+        let mut seen = read.collect::<Result<Vec<_>, _>>()?;
+        let mut model = model;
+        if model.has_poses() {
+            let known: Vec<usize> = seen.iter().map(|log| log.warnings.len()).collect();
+            (model, seen) = by_angles(&model, &seen)?;
+            for (log, known) in seen.iter().zip(known) {
+                self.warn(log, known);
+            }
+        }
+        let held_out = seen.split_off(logs.len());
+        Ok((model, seen, held_out))
+    }
+
+    /// The warnings of a log from the `first` on.
+    fn warn(&self, log: &Log, first: usize) {
+        for warning in log.warnings.iter().skip(first) {
             let separator = if warning.position.is_some() {
                 ":"
             } else {
                 ": "
             };
-            self.note(&format!("warning: {}{separator}{warning}", path.display()));
+            let path = log.path.display();
+            self.note(&format!("warning: {path}{separator}{warning}"));
         }
-        Ok(log)
     }
 }
 

@@ -23,6 +23,7 @@ use crate::hybrid::Hybrid;
 use crate::learnt::{Guard, other_intervals};
 use crate::log::Run;
 use crate::model::Model;
+use crate::poses::measured_state;
 
 /// A longer trajectory is refused.
 const MOST_SAMPLES: f64 = 1e7;
@@ -113,6 +114,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
         }
         let initial = match (&given, &arguments.log) {
             (Some(given), _) => given.clone(),
+            (None, Some(_)) if model.has_poses() => measured_state(&model, &run, 0),
             (None, Some(_)) => {
                 let measured = initial_states(&model, &run, Initial::Measured);
                 measured

@@ -16,7 +16,6 @@ use crate::band::Band;
 use crate::disk::{refuse_overwriting, write_atomically};
 use crate::learnt::Quantity;
 use crate::learnt::law::Law;
-use crate::log::Log;
 use crate::model::Model;
 use crate::naming::{hint, quoted};
 use crate::network::Activation;
@@ -191,15 +190,12 @@ struct Member {
 
 pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(), Error> {
     let given = output.load_model(&arguments.model)?;
+    let paths = (&arguments.logs[..], &arguments.holdout[..]);
+    let (given, logs, held_out) = output.read_logs(paths, given)?;
     let model = match arguments.baseline {
         Some(Baseline::BlackBox) => given.without_mechanics(true)?,
         _ => given.clone(),
     };
-    let read = |paths: &[PathBuf]| {
-        let logs = paths.iter().map(|path| output.read_log(path, &model));
-        logs.collect::<Result<Vec<Log>, _>>()
-    };
-    let (logs, held_out) = (read(&arguments.logs)?, read(&arguments.holdout)?);
     let mut options = options(arguments, seed, &model)?;
     if arguments.baseline == Some(Baseline::BlackBox) {
         options.joints = (0..model.mechanics.coordinates().len()).collect();

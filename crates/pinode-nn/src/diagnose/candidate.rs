@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 
 use crate::effect::{ActsOn, Kind, Scales, registry};
 use crate::hybrid::{Hybrid, Placed};
+use crate::poses::is_of_pose;
 
 /// Whether both kinds contain the same simpler one and neither contains the other: side by side they would count it twice.
 fn are_rivals(placed: &Kind, kind: &Kind) -> bool {
@@ -23,6 +24,25 @@ pub fn gives_way(placed: &Placed, kind: &Kind, target: usize) -> bool {
 fn goes_round(hybrid: &Hybrid, coordinate: usize) -> bool {
     let coordinates = hybrid.mechanics().coordinates();
     coordinates.get(coordinate).is_some_and(|c| c.wraps)
+}
+
+/// What acts on a body that no joint holds: drag, a steady push, a tether. Each along or about one axis of the world or of its angles.
+const IN_THE_OPEN: [&str; 4] = [
+    "viscous_friction",
+    "quadratic_drag",
+    "constant_force",
+    "linear_spring",
+];
+
+/// Whether a kind makes sense on this coordinate or on its sensor.
+fn has_a_place(kind: &Kind, hybrid: &Hybrid, coordinate: usize) -> bool {
+    let coordinates = hybrid.mechanics().coordinates();
+    match kind.acts_on() {
+        ActsOn::Joint if is_of_pose(coordinates, coordinate) => IN_THE_OPEN.contains(&kind.name),
+        // A way that goes round has no ends.
+        ActsOn::Joint => kind.stop().is_none() || !goes_round(hybrid, coordinate),
+        _ => true,
+    }
 }
 
 /// A kind of effect on a target.
@@ -47,8 +67,7 @@ impl Candidate {
             };
             for target in 0..targets {
                 let candidate = Candidate { kind, target };
-                // A way that goes round has no ends.
-                if kind.stop().is_some() && goes_round(hybrid, target) {
+                if !has_a_place(kind, hybrid, target) {
                     continue;
                 }
                 let place = match kind.acts_on() {
@@ -187,6 +206,29 @@ mod tests {
         let found = changes("cartpole/cartpole.toml");
         assert_eq!(found, expected.map(|(kind, on)| (kind, on.to_owned())));
         assert!(changes("four_bar/four_bar.toml").is_empty(), "constraints");
+    }
+
+    #[test]
+    fn a_body_that_floats_is_held_by_no_joint_and_has_no_friction_of_one() {
+        let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
+        let model = Model::load(&models.join("quadruped/quadruped.toml")).unwrap();
+        let model = model.by_angles(Default::default()).unwrap();
+        let hybrid = Hybrid::of(&model);
+        let all = Candidate::all(&hybrid);
+        let on = |target: usize| -> Vec<&str> {
+            let own = all
+                .iter()
+                .filter(|c| c.kind.acts_on() == ActsOn::Joint && c.target == target);
+            own.map(|c| c.kind.name).collect()
+        };
+        for coordinate in 0..6 {
+            let mut found = on(coordinate);
+            found.sort_unstable();
+            let mut expected = IN_THE_OPEN;
+            expected.sort_unstable();
+            assert_eq!(found, expected, "{coordinate}");
+        }
+        assert!(on(6).contains(&"coulomb_friction"));
     }
 
     #[test]

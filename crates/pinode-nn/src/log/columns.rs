@@ -3,6 +3,7 @@
 use lagrange::{Position, Problem};
 
 use super::Channels;
+use crate::entries::{q_names, v_names};
 use crate::naming::{hint, quoted};
 
 /// The `[log.columns]` of a model: signals whose columns have other names.
@@ -98,22 +99,25 @@ pub(super) fn resolve(
         missing: Vec::new(),
     };
     let t = search.needed("t");
-    let q: Vec<_> = channels
-        .coordinates
+    let q: Vec<_> = q_names(channels.coordinates)
         .iter()
-        .filter_map(|c| search.needed(&format!("q.{}", c.name)))
+        .filter_map(|signal| search.needed(signal))
         .collect();
-    let v: Vec<_> = channels
-        .coordinates
+    let wanted = channels.coordinates.iter().zip(channels.velocities);
+    let wanted = wanted.flat_map(|(c, &wanted)| std::iter::repeat_n(wanted, c.nv()));
+    let v: Vec<_> = v_names(channels.coordinates)
         .iter()
-        .zip(channels.velocities)
-        .map(|(c, &wanted)| {
-            let signal = format!("v.{}", c.name);
-            let mapped = channels.columns.mappings.iter().any(|m| m.signal == signal);
+        .zip(wanted)
+        .map(|(signal, wanted)| {
+            let mapped = channels
+                .columns
+                .mappings
+                .iter()
+                .any(|m| m.signal == *signal);
             match (wanted, mapped) {
                 (false, _) => None,
-                (true, true) => search.needed(&signal),
-                (true, false) => search.find(&signal),
+                (true, true) => search.needed(signal),
+                (true, false) => search.find(signal),
             }
         })
         .collect();

@@ -16,8 +16,8 @@ pub use columns::{ColumnMap, Mapping};
 pub(crate) use interval::{same_rate, typical, typical_interval};
 
 use crate::Error;
-use crate::entries::refuse_poses;
 use crate::model::{Model, Velocity};
+use crate::poses::Poses;
 
 /// Runs shorter than this are left out, with a warning.
 pub const FEWEST_SAMPLES: usize = 8;
@@ -42,9 +42,10 @@ pub struct Run {
     pub id: String,
     /// Times, s, increasing.
     pub t: Vec<f64>,
-    /// Measured positions, one column per coordinate, m or rad.
+    /// Measured positions, one column per coordinate, m or rad; of a pose seven, position (m) and unit quaternion w x y z.
     pub q: Vec<Vec<f64>>,
-    /// Measured velocities, one column per coordinate, m/s or rad/s; `None` where the log has none or the model says to use none.
+    /// Measured velocities, one column per coordinate, m/s or rad/s; `None` where the log has none or the model says to use none. Of a pose six, in the
+    /// body's axes.
     pub v: Vec<Option<Vec<f64>>>,
     /// Inputs, one column per input, in the input's own unit; entry k is held over [t_k, t_{k+1}), unless the model says otherwise:
     /// [`Between`](crate::effect::Between).
@@ -65,7 +66,7 @@ impl Run {
 /// What a log is expected to hold.
 #[derive(Debug, Clone, Copy)]
 pub struct Channels<'a> {
-    /// The coordinates: `q.<name>` and `v.<name>`.
+    /// The coordinates: `q.<name>` and `v.<name>`; of a pose `q.<name>.x` to `.z` and `.qw` to `.qz`, `v.<name>.vx` to `.wz`.
     pub coordinates: &'a [Coordinate],
     /// For each coordinate, whether a `v.<name>` column is to be used.
     pub velocities: &'a [bool],
@@ -76,13 +77,11 @@ pub struct Channels<'a> {
 }
 
 impl Log {
-    /// Reads the log at `path` for `model`.
+    /// Reads the log at `path` for `model`. Where the model writes poses by angles, the log may still have positions and quaternions.
     ///
     /// # Errors
-    /// [`Error::Io`], or [`Error::Problems`] with every fault, by line and column (the first twenty, and how many more);
-    /// [`Error::Floating`] when the model has the pose of a floating body among its coordinates.
+    /// [`Error::Io`], or [`Error::Problems`] with every fault, by line and column (the first twenty, and how many more).
     pub fn read(path: &Path, model: &Model) -> Result<Log, Error> {
-        refuse_poses(model.mechanics.coordinates(), "a log")?;
         let velocities: Vec<bool> = model
             .sensors
             .iter()
@@ -93,15 +92,27 @@ impl Log {
             .iter()
             .map(|input| input.name.as_str())
             .collect();
-        Log::read_channels(
-            path,
-            &Channels {
-                coordinates: model.mechanics.coordinates(),
-                velocities: &velocities,
-                inputs: &inputs,
-                columns: &model.columns,
-            },
-        )
+        let channels = Channels {
+            coordinates: model.mechanics.coordinates(),
+            velocities: &velocities,
+            inputs: &inputs,
+            columns: &model.columns,
+        };
+        let bytes = read::bytes(path)?;
+        let log = Log::parse(path, &bytes, &channels);
+        let Some(poses) = Poses::of(model).filter(|_| log.is_err()) else {
+            return log;
+        };
+        let velocities = poses.of_all(&velocities);
+        let with_poses = Channels {
+            coordinates: poses.coordinates(),
+            velocities: &velocities,
+            ..channels
+        };
+        match Log::parse(path, &bytes, &with_poses) {
+            Ok(measured) => poses.by_angles(measured),
+            Err(_) => log,
+        }
     }
 
     /// Reads the log at `path` without a model.
@@ -126,12 +137,12 @@ impl Log {
     /// # Errors
     /// [`Error::OtherModel`].
     pub fn check(&self, model: &Model) -> Result<(), Error> {
-        let n = model.mechanics.coordinates().len();
+        let (nq, nv) = (model.mechanics.nq(), model.mechanics.nv());
         let inputs = model.inputs.len();
         for run in &self.runs {
             let columns = [
-                ("positions", run.q.len(), n),
-                ("velocities", run.v.len(), n),
+                ("positions", run.q.len(), nq),
+                ("velocities", run.v.len(), nv),
                 ("inputs", run.u.len(), inputs),
             ];
             for (what, found, expected) in columns {

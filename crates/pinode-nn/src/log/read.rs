@@ -9,6 +9,7 @@ use lagrange::{Position, Problem, Problems};
 use super::columns::{self, Layout, Source};
 use super::{Channels, FEWEST_SAMPLES, Log, Run};
 use crate::Error;
+use crate::entries::starts;
 use crate::naming::quoted;
 
 /// A longer file is refused.
@@ -332,12 +333,11 @@ fn still(runs: &[Run], channels: &Channels, warnings: &mut Vec<Problem>, found: 
         let first = values.next();
         values.all(|value| Some(value) == first)
     };
-    let names: Vec<&str> = channels
-        .coordinates
-        .iter()
-        .enumerate()
-        .filter(|(i, _)| constant(*i))
-        .map(|(_, c)| c.name.as_str())
+    let all = channels.coordinates.iter();
+    let names: Vec<&str> = all
+        .zip(starts(channels.coordinates))
+        .filter(|(c, start)| (start.q..start.q + c.nq()).all(constant))
+        .map(|(c, _)| c.name.as_str())
         .collect();
     if names.is_empty() {
         return;

@@ -1,7 +1,7 @@
 //! A model of which nothing is known but its coordinates, inputs and sensors: what black boxes and naive predictions start from.
 
 use lagrange::{Coordinate, Field, TextLagrangian, TextProblem, TextSource};
-use toml_edit::{Array, DocumentMut, Item, Table, value};
+use toml_edit::{Array, Item, Table, value};
 
 use super::Model;
 use crate::Error;
@@ -20,9 +20,7 @@ impl Model {
         let coordinates = self.mechanics.coordinates();
         crate::entries::refuse_poses(coordinates, "a model without mechanics")?;
         refuse_names(coordinates)?;
-        let mut document: DocumentMut = self.text.parse().map_err(|e: toml_edit::TomlError| {
-            Error::io(&self.path, std::io::Error::other(e.to_string()))
-        })?;
+        let mut document = self.document()?;
         let table = document.as_table_mut();
         table.retain(|key, _| LEFT.contains(&key) || (driven && key == INPUT));
         let names = |keep: &dyn Fn(&Coordinate) -> bool| -> Array {

@@ -14,6 +14,7 @@ use super::networks::NetworkEntry;
 use super::{Input, Model, band, effects, massless, networks, sensor, tolerance};
 use crate::Error;
 use crate::effect::Between;
+use crate::entries::{q_names, v_names};
 use crate::log::{ColumnMap, Mapping};
 use crate::naming::{hint, quoted};
 
@@ -75,6 +76,8 @@ pub(super) fn parse(path: &Path, text: String, strict: bool) -> Result<Model, Er
             "urdf",
             "gravity",
             "base",
+            "pose",
+            "roll_axis",
             "mimic",
             "urdf_dynamics",
             "lagrangian",
@@ -140,6 +143,7 @@ pub(super) fn parse(path: &Path, text: String, strict: bool) -> Result<Model, Er
         mechanics: mechanism.mechanics,
         constraints: mechanism.constraints,
         tree: mechanism.tree,
+        pose: mechanism.pose,
         parameter_values,
         inputs: named,
         effects: entries.into_iter().map(|(_, entry)| entry).collect(),
@@ -261,10 +265,12 @@ fn columns(
         return map;
     };
     let mut signals = vec!["t".to_owned(), "run".to_owned()];
-    let coordinates = mechanics.map_or(&[][..], |m| m.coordinates());
-    for coordinate in coordinates.iter().filter(|c| !c.floating) {
-        signals.push(format!("q.{}", coordinate.name));
-        signals.push(format!("v.{}", coordinate.name));
+    let single = mechanics.map_or(&[][..], |m| m.coordinates());
+    let poses = crate::poses::with_poses(single);
+    let poses = if poses == single { &[][..] } else { &poses };
+    for coordinates in [single, poses] {
+        signals.extend(q_names(coordinates));
+        signals.extend(v_names(coordinates));
     }
     signals.extend(inputs.iter().map(|input| format!("u.{}", input.name)));
     let signals: Vec<&str> = signals.iter().map(String::as_str).collect();

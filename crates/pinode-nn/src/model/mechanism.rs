@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use lagrange::constraint::Constraint;
-use lagrange::mechanism::Tree;
+use lagrange::mechanism::{Angles, Axis, PoseForm, Tree};
 use lagrange::{Dynamics, Mechanics, Position, Problem, Problems, TextLagrangian, TextSource};
 use lagrange::{Field, TextProblem, urdf};
 
@@ -42,6 +42,7 @@ pub(super) struct Mechanism {
     pub constraints: Vec<ConstraintEntry>,
     pub urdf: Option<UrdfFile>,
     pub tree: Option<Tree>,
+    pub pose: PoseForm,
     pub friction: Vec<JointFriction>,
 }
 
@@ -100,6 +101,7 @@ fn from_urdf(
             base.value == "floating"
         }
     };
+    let pose = pose_form(root, faults);
     let ignore_mimic = match root.string("mimic", faults) {
         None => false,
         Some(mimic) => {
@@ -123,6 +125,7 @@ fn from_urdf(
         source: file.path.display().to_string(),
         gravity: gravity.unwrap_or(STANDARD_GRAVITY),
         floating_base,
+        pose,
         ignore_mimic,
         strict,
     };
@@ -174,8 +177,52 @@ fn from_urdf(
         constraints: joined.entries,
         urdf: Some(file),
         tree: Some(read.tree),
+        pose,
         friction,
     })
+}
+
+/// `pose` and `roll_axis`: how poses are written.
+fn pose_form(root: &Section, faults: &mut Faults) -> PoseForm {
+    let pose = root.string("pose", faults);
+    let by_angles = match &pose {
+        None => false,
+        Some(pose) => {
+            if !["quaternion", "angles"].contains(&pose.value) {
+                faults.at(
+                    pose.offset(),
+                    format!(
+                        "`pose` is {}: it must be \"quaternion\" or \"angles\"",
+                        quoted(pose.value)
+                    ),
+                );
+            }
+            pose.value == "angles"
+        }
+    };
+    let mut roll_axis = Axis::default();
+    if let Some(axis) = root.string("roll_axis", faults) {
+        match Axis::ALL.into_iter().find(|a| a.name() == axis.value) {
+            Some(axis) => roll_axis = axis,
+            None => faults.at(
+                axis.offset(),
+                format!(
+                    "`roll_axis` is {}: it must be \"x\", \"y\" or \"z\", an axis of the body that floats",
+                    quoted(axis.value)
+                ),
+            ),
+        }
+        if !by_angles {
+            faults.at(
+                axis.offset(),
+                "`roll_axis` goes with `pose = \"angles\"`: a quaternion has none",
+            );
+        }
+    }
+    match by_angles {
+        true => PoseForm::Angles(Angles { roll_axis }),
+        false => PoseForm::Quaternion,
+    }
 }
 
 fn gravity(root: &Section, faults: &mut Faults) -> Option<[f64; 3]> {
@@ -297,7 +344,14 @@ fn from_text(
             "[[loop]] goes with `urdf`: write the loop as φ(q) = 0 into `constraints` of [lagrangian]",
         );
     }
-    for key in ["gravity", "base", "mimic", "urdf_dynamics"] {
+    for key in [
+        "gravity",
+        "base",
+        "pose",
+        "roll_axis",
+        "mimic",
+        "urdf_dynamics",
+    ] {
         if let Some(value) = root.get(key) {
             faults.at(
                 value.span().start,
@@ -423,6 +477,7 @@ fn from_text(
         constraints: joined.entries,
         urdf: None,
         tree: None,
+        pose: PoseForm::Quaternion,
         friction: Vec::new(),
     })
 }
@@ -472,7 +527,7 @@ pub(super) fn find_coordinate(
                 offset,
                 format!(
                     "{} is the pose of a body that floats, which has three forces and three moments, a position and an orientation: \
-                     inputs, effects, sensors and tolerances belong to coordinates of one number; {others}",
+                     inputs, effects, sensors and tolerances belong to coordinates of one number; {others}, or write `pose = \"angles\"` for six of them",
                     quoted(name)
                 ),
             );

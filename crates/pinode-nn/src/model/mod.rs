@@ -44,6 +44,7 @@
 //! # "q.phi" = { column = "angle_deg", scale = 0.0174533, offset = 0.0 }
 //!
 //! # At the top, with a URDF: gravity = [0.0, 0.0, -9.81], base = "fixed" (or "floating": the first coordinate is the pose `base`),
+//! # pose = "quaternion" (or "angles": six coordinates `base.x`, … `base.roll` instead, with roll_axis = "x"),
 //! # mimic = "follow" (or "ignore"), urdf_dynamics = true
 //!
 //! # [[loop]]                           # with a URDF: a point of one link is at a point of another
@@ -76,7 +77,9 @@
 //!
 //! `joint`, `[sensor.…]`, `zero` and the columns of a log name coordinates: a joint with one coordinate gives it its name, a planar
 //! joint has three (`foot.x`, `foot.y`, `foot.theta`; in TOML `[sensor."foot.x"]`). The pose of a floating body cannot be named there:
-//! it is no single number.
+//! it is no single number. With `pose = "angles"` it is six: `base.x`, `base.y`, `base.z`, `base.yaw`, `base.pitch` and `base.roll`, about z, y and x, one
+//! after the other, or about another `roll_axis` of the body than x, which must stay away from the vertical ([`Angles`](lagrange::mechanism::Angles)).
+//! A log of such a model may have these, or position and quaternion (`q.base.x` to `q.base.qz`). What reads a log of a model with poses writes them so.
 
 mod band;
 mod blank;
@@ -95,8 +98,8 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use lagrange::mechanism::Tree;
-use lagrange::{Mechanics, Problems};
+use lagrange::mechanism::{Axis, PoseForm, Tree};
+use lagrange::{Mechanics, Problem, Problems};
 
 pub use constraints::ConstraintEntry;
 pub use networks::NetworkEntry;
@@ -140,6 +143,7 @@ pub struct Model {
     pub columns: ColumnMap,
     /// What reads oddly, by source: the model file, the URDF.
     pub warnings: Vec<Problems>,
+    pub(crate) pose: PoseForm,
     urdf: Option<mechanism::UrdfFile>,
     text: String,
 }
@@ -241,6 +245,32 @@ impl Model {
     /// As [`load`](Self::load).
     pub fn parse(path: &Path, text: impl Into<String>) -> Result<Model, Error> {
         file::parse(path, text.into(), false)
+    }
+
+    /// The same model with the poses of its floating bodies by angles, as if its file said `pose = "angles"` and this `roll_axis`.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load): the URDF is read again.
+    pub fn by_angles(&self, roll_axis: Axis) -> Result<Model, Error> {
+        let mut document = self.document()?;
+        document.insert("pose", toml_edit::value("angles"));
+        document.insert("roll_axis", toml_edit::value(roll_axis.name()));
+        Model::parse(&self.path, document.to_string())
+    }
+
+    /// Whether a coordinate is the pose of a floating body.
+    pub(crate) fn has_poses(&self) -> bool {
+        self.mechanics.coordinates().iter().any(|c| c.floating)
+    }
+
+    /// The text of its file as a document.
+    fn document(&self) -> Result<toml_edit::DocumentMut, Error> {
+        self.text.parse().map_err(|e: toml_edit::TomlError| {
+            Error::Problems(Problems {
+                source: self.path.display().to_string(),
+                list: vec![Problem::general(e.message().to_owned())],
+            })
+        })
     }
 
     /// The name of what an effect acts on.

@@ -123,12 +123,7 @@ impl Model {
         {
             return Err(Error::OverwritesInput { path });
         }
-        let mut document: DocumentMut = self.text.parse().map_err(|e: toml_edit::TomlError| {
-            Error::Problems(Problems {
-                source: self.path.display().to_string(),
-                list: vec![Problem::general(e.message().to_owned())],
-            })
-        })?;
+        let mut document = self.document()?;
         if let Some(urdf) = &self.urdf {
             let name = files.put_beside(&urdf.path, urdf.text.as_bytes())?;
             set(document.as_table_mut(), "urdf", Value::from(name));
