@@ -73,7 +73,8 @@ fn less_viscous_friction_than_is_fixed_is_that() {
         (less + 0.006).abs() < 3.0 * error && error < 5e-4,
         "{less} ± {error}"
     );
-    assert!(found.gap.after < 1.5, "{:?}", found.gap);
+    // It swings round and round at up to 20 rad/s: estimated starts are worth less than in a slow motion.
+    assert!(found.gap.after < 2.0, "{:?}", found.gap);
 }
 
 #[test]
