@@ -2,7 +2,7 @@
 //!
 //! ID(q, v, v̇) + m ID₁(q, v, v̇) = Q, with ID₁ = M v̇ + C v + G of the same joints with 1 kg at that point and nothing else.
 //!
-//! m in kg. The screw, the cable, the load that nobody weighed. Confused with a smaller gain of the input where one input moves one
+//! m in kg. The screw, the cable, the load that nobody weighed; negative where the body is lighter than the model has it. Confused with a smaller gain of the input where one input moves one
 //! body on a level rail, with reflected inertia where the body only slides along a level line, and with the mass scale that the model's
 //! `[tolerance]` leaves free: that one moves the rotational inertia in the same proportion.
 

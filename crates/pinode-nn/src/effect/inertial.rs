@@ -4,7 +4,7 @@ use std::fmt;
 
 use lagrange::Mechanics;
 use lagrange::mechanism::Tree;
-use nalgebra::Vector3;
+use nalgebra::{Cholesky, Vector3};
 
 use crate::entries::starts;
 use crate::motion::{NotFree, check_free};
@@ -15,7 +15,10 @@ const VERTICAL: f64 = 1e-6;
 /// than what of it is not linear, unless it is small.
 pub(super) const PROBE: f64 = 1e-4;
 
-/// An effect that adds to M, C and G.
+/// What is taken from a mass leaves at least this share of it: nothing moves without mass.
+const LEFT: f64 = 0.1;
+
+/// An effect that adds to M, C and G, or takes from them.
 ///
 /// With ID(q, v, v̇; g) = M v̇ + C v + G of the mechanism under gravity g, the motion obeys
 ///
@@ -35,6 +38,14 @@ pub enum Inertial {
     PointMass,
     /// The base stands at an angle; its target is the joint that says about which direction.
     Tilt,
+}
+
+/// 1/(M⁻¹)_jj of a coordinate of one number at the neutral configuration, kg or kg·m².
+pub(crate) fn moved(coordinate: usize, mechanics: &dyn Mechanics) -> Option<f64> {
+    let at = starts(mechanics.coordinates()).get(coordinate)?.v;
+    let neutral = lagrange::state::neutral(mechanics.coordinates());
+    let inverse = Cholesky::new(mechanics.mass_matrix(&neutral).ok()?)?.inverse();
+    Some(1.0 / inverse.get((at, at))?)
 }
 
 impl fmt::Display for Inertial {
@@ -115,6 +126,25 @@ pub enum Misplaced {
 }
 
 impl Inertial {
+    /// How much it may take from the mechanism on `target`, a coordinate or a link, kg or kg·m²: nine tenths of the mass of the link's body, or of what the
+    /// coordinate moves where all else gives way, 1/(M⁻¹)_jj at the neutral configuration.
+    pub(crate) fn may_take(
+        self,
+        target: usize,
+        mechanics: &dyn Mechanics,
+        tree: Option<&Tree>,
+    ) -> f64 {
+        let there = match self {
+            Inertial::PointMass => tree.and_then(|tree| {
+                let body = tree.links().get(target)?.body?;
+                Some(tree.bodies().get(body)?.mass)
+            }),
+            Inertial::Rotor => moved(target, mechanics),
+            Inertial::Motor | Inertial::Tilt => None,
+        };
+        (1.0 - LEFT) * there.unwrap_or(0.0)
+    }
+
     /// Whether it can sit on `target`, a coordinate (of an input, its own) or a link of the mechanism with the constants `p`, whose bodies
     /// are `tree`.
     ///

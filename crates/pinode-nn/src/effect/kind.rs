@@ -193,19 +193,22 @@ impl Kind {
         (self.is_transmission() && other.is_transmission()) || (tilts(self) && tilts(other))
     }
 
-    /// Whether two of it on a target are one with the sum of their first parameters, their strengths, which are not negative: what is known exactly may have less
-    /// of it beside it, down to nothing in all.
+    /// Whether two of it on a target are one with the sum of their first parameters, their strengths, which are not negative together: where the model has some
+    /// that is known exactly, or masses, an effect may take from that, down to nothing in all.
     pub fn adds_up(&self) -> bool {
         let free = |spec: &ParameterSpec| spec.lower.is_infinite() && spec.upper.is_infinite();
         match (self.action, self.parameters) {
             (Action::Joint(_), [strength, others @ ..]) => {
                 strength.lower == 0.0 && strength.neutral == 0.0 && others.iter().all(free)
             }
+            (Action::Inertial(change), _) => {
+                matches!(change, Inertial::PointMass | Inertial::Rotor)
+            }
             _ => false,
         }
     }
 
-    /// The lower bound of parameter `k` beside effects of the same kind on the same target that are known exactly and have the strength `known` together.
+    /// The lower bound of parameter `k` beside what the model has of the same strength on the same target, `known`.
     pub fn lower_bound(&self, k: usize, known: f64) -> f64 {
         let lower = self
             .parameters

@@ -56,6 +56,7 @@ mod viscous_friction;
 pub use between::Between;
 pub use distortion::Distortion;
 pub use drive::{DriveLaw, Grid, Signal};
+pub(crate) use inertial::moved;
 pub use inertial::{Inertial, Misplaced, tilt_direction};
 pub use joint_force::{
     DryFriction, ForceLaw, JointForce, JointForceDerivatives, OnCoordinate, RigidStop, smooth_sign,

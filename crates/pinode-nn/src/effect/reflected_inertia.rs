@@ -3,7 +3,8 @@
 //! ID(q, v, v̇) + I v̇_j e_j = Q
 //!
 //! I in kg or kg·m². A rotor behind a gear of ratio N counts as N² times its own inertia; it turns about its own axis as fast as the
-//! joint says, and its coupling to the turning of what carries it (1/N of the effect) is left out. Confused with the mass of the body
+//! joint says, and its coupling to the turning of what carries it (1/N of the effect) is left out. Negative where the model has more
+//! inertia than there is. Confused with the mass of the body
 //! that the joint moves, but for the coupling to other coordinates and the weight; and with a smaller gain of the input where nothing
 //! else acts on the coordinate.
 

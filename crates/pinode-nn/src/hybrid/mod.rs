@@ -410,7 +410,8 @@ impl Hybrid {
         }
     }
 
-    /// What effects of this kind on this target that are known exactly have as their first parameter, all together.
+    /// What the model has of the strength of a kind on a target: what effects of this kind that are known exactly have as their first parameter, or what
+    /// masses there are to take from.
     pub(crate) fn known_strength(&self, kind: &Kind, target: usize) -> f64 {
         let known =
             |placed: &Placed| placed.kind == kind && placed.target == target && placed.fixed;
@@ -418,7 +419,14 @@ impl Hybrid {
         let strengths = effects
             .filter(|(placed, _)| known(placed))
             .map(|(_, range)| self.constants[range.start].value);
-        strengths.sum()
+        let inertia = match kind.action {
+            Action::Inertial(change) if kind.adds_up() => {
+                let tree = self.variants.as_ref().map(|v| v.tree());
+                change.may_take(target, self.mechanics(), tree)
+            }
+            _ => 0.0,
+        };
+        strengths.sum::<f64>() + inertia
     }
 
     /// Adds a learnt force.

@@ -1,14 +1,14 @@
 //! The effects of a model: `[[effect]]` tables, and friction from the URDF's `<dynamics>`.
 
 use lagrange::{Mechanics, Position, Problem};
-use nalgebra::{Cholesky, DMatrix};
+use nalgebra::DMatrix;
 use toml::de::DeValue;
 
 use super::document::{Faults, Placed, Section};
 use super::mechanism::{JointFriction, Mechanism, find_coordinate};
 use super::networks;
 use super::{EffectEntry, Input, Target};
-use crate::effect::{ActsOn, Inertial, Kind, Misplaced, RigidStop, registry};
+use crate::effect::{Action, ActsOn, Inertial, Kind, Misplaced, RigidStop, moved, registry};
 use crate::entries::starts;
 use crate::naming::{hint, nearest, quoted};
 
@@ -177,6 +177,15 @@ fn read_one(
     };
     let known = before.iter().map(|(_, other)| other).filter(known);
     let known: f64 = known.filter_map(|other| other.values.first()).sum();
+    let taken = match (kind.action, target, mechanism) {
+        (Action::Inertial(change), Some(Target::Coordinate(at) | Target::Link(at)), Some(m))
+            if kind.adds_up() =>
+        {
+            change.may_take(at, &*m.mechanics, m.tree.as_ref())
+        }
+        _ => 0.0,
+    };
+    let known = known + taken;
     let mut values = Vec::with_capacity(kind.parameters.len());
     for (k, spec) in kind.parameters.iter().enumerate() {
         let unit = spec.quantity.unit(angular);
@@ -273,9 +282,7 @@ fn taken_fault(
     let index = kind.memory()?.taken_from_joint()?;
     let (spec, &taken) = kind.parameters.get(index).zip(values.get(index))?;
     let (mechanism, c) = (mechanism?, coordinate?);
-    let at = starts(mechanism.mechanics.coordinates()).get(c)?.v;
-    let inverse = Cholesky::new(neutral_mass(mechanism)?)?.inverse();
-    let moved = 1.0 / inverse.get((at, at))?;
+    let moved = moved(c, &*mechanism.mechanics)?;
     let coordinate = mechanism.mechanics.coordinates().get(c)?;
     let unit = spec.quantity.unit(coordinate.angular);
     (taken >= moved).then(|| {

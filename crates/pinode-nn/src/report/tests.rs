@@ -559,6 +559,15 @@ fn every_verdict_is_a_sentence() {
     let said = verdict_in_words(&d);
     let less = "Coulomb friction on `slider` is less than is `fixed`: ";
     assert!(said.starts_with(less), "{said}");
+    d.effects[0].beside_fixed = false;
+    d.effects[0].kind = "added_mass".into();
+    let force = d.effects[0].parameters.remove("force").unwrap();
+    d.effects[0].parameters.insert("mass".into(), force);
+    let said = verdict_in_words(&d);
+    assert!(
+        said.starts_with("`slider` has less mass than the model has: "),
+        "{said}"
+    );
     d.effects = found.clone();
     d.effects.extend(found);
     assert!(verdict_in_words(&d).starts_with(

@@ -114,19 +114,20 @@ fn named(effects: &[NamedEffect]) -> String {
 
 /// An effect and where it is.
 fn placed(effect: &NamedEffect) -> String {
-    let more = match effect.beside_fixed {
-        true if takes_away(effect) => " (less than is `fixed`)",
-        true => " (beside what is `fixed`)",
-        false => "",
+    let more = match (effect.beside_fixed, takes_away(effect)) {
+        (true, Some(_)) => " (less than is `fixed`)",
+        (true, None) => " (beside what is `fixed`)",
+        (false, Some(_)) => " (less than the model has)",
+        (false, None) => "",
     };
     format!("{} on `{}`{more}", plain(&effect.kind), effect.target)
 }
 
-/// Whether it takes from what is known exactly: its strength is negative.
-fn takes_away(effect: &NamedEffect) -> bool {
-    let kind = registry::find(&effect.kind).filter(|kind| effect.beside_fixed && kind.adds_up());
-    let strength = kind.and_then(|kind| effect.parameters.get(kind.parameters.first()?.name));
-    strength.is_some_and(|strength| strength.value < 0.0)
+/// What it takes from what the model has, where its strength is negative: the name of that strength.
+fn takes_away(effect: &NamedEffect) -> Option<&'static str> {
+    let kind = registry::find(&effect.kind).filter(|kind| kind.adds_up())?;
+    let name = kind.parameters.first()?.name;
+    (effect.parameters.get(name)?.value < 0.0).then_some(name)
 }
 
 fn missing(effects: &[NamedEffect]) -> String {
@@ -134,11 +135,12 @@ fn missing(effects: &[NamedEffect]) -> String {
         [] => "An effect is missing".to_owned(),
         [one] => {
             let said = match takes_away(one) {
-                true => {
+                Some(_) if one.beside_fixed => {
                     let kind = capital(&plain(&one.kind));
                     format!("{kind} on `{}` is less than is `fixed`", one.target)
                 }
-                false => format!("{} is missing", capital(&placed(one))),
+                Some(what) => format!("`{}` has less {what} than the model has", one.target),
+                None => format!("{} is missing", capital(&placed(one))),
             };
             match quantities(one) {
                 Some(quantities) => {

@@ -1,0 +1,133 @@
+//! Models that are heavier than what they stand for: less mass and less inertia have their names too.
+
+use crate::pendulum::*;
+use pinode_nn::diagnose::diagnose;
+use pinode_nn::diagnose::verdict::Diagnosis;
+use pinode_nn::log::{Log, Run};
+use pinode_nn::model::Model;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+/// The only effect that was found, of this kind, and its only parameter.
+fn only(found: &Diagnosis, kind: &str) -> (f64, f64) {
+    let [effect] = found.effects.as_slice() else {
+        panic!("{:?}", found.effects);
+    };
+    assert_eq!(effect.kind, kind, "{effect:?}");
+    assert!(!effect.beside_fixed, "{effect:?}");
+    let parameter = effect.parameters.values().next().unwrap();
+    (parameter.value, parameter.std.unwrap())
+}
+
+/// The weight is right, so that no shorter pendulum would do.
+#[test]
+fn a_pendulum_with_less_inertia_than_its_model_is_told_so() {
+    let truth = 0.9 * INERTIA;
+    // What `log` divides by its own inertia.
+    let law = |_, [phi, v]: [f64; 2], u: f64| {
+        let weight = WEIGHT * phi.sin();
+        weight + (u - VISCOUS * v - weight) * INERTIA / truth
+    };
+    let found = diagnosed(&model(true), log(21, law));
+    let (less, error) = only(&found, "reflected_inertia");
+    let off = less - (truth - INERTIA);
+    assert!(off.abs() < 3.0 * error && error < 2e-4, "{less} ± {error}");
+    assert!(found.gap.after < 2.0, "{:?}", found.gap);
+}
+
+const HEAVY: f64 = 1.0;
+const LIGHT: f64 = 0.8;
+const SPRING: f64 = 20.0;
+const DAMPING: f64 = 0.6;
+
+/// A block on a spring that is known: m ẍ = u − k x − c ẋ, 60 s at 50 Hz, u held.
+fn block() -> Log {
+    let mut draws = ChaCha8Rng::seed_from_u64(22);
+    let mut noise = || -> f64 { StandardNormal.sample(&mut draws) };
+    let t: Vec<f64> = (0..3000).map(|k| 0.02 * f64::from(k)).collect();
+    let force = |t: f64| 2.0 * (1.1 * t).sin() + 2.0 * (3.7 * t).sin() + 1.5 * (8.3 * t).cos();
+    let u: Vec<f64> = t.iter().map(|&t| force(t)).collect();
+    let (mut x, mut v) = (0.0, 0.0);
+    let mut q = Vec::new();
+    for &u in &u {
+        q.push(x + 1e-3 * noise());
+        let rate = |x: f64, v: f64| (v, (u - SPRING * x - DAMPING * v) / LIGHT);
+        for _ in 0..20 {
+            let h = 1e-3;
+            let a = rate(x, v);
+            let b = rate(x + 0.5 * h * a.0, v + 0.5 * h * a.1);
+            let c = rate(x + 0.5 * h * b.0, v + 0.5 * h * b.1);
+            let d = rate(x + h * c.0, v + h * c.1);
+            x += h / 6.0 * (a.0 + 2.0 * b.0 + 2.0 * c.0 + d.0);
+            v += h / 6.0 * (a.1 + 2.0 * b.1 + 2.0 * c.1 + d.1);
+        }
+    }
+    Log {
+        path: "log.csv".into(),
+        sha256: String::new(),
+        runs: vec![Run {
+            id: "0".into(),
+            q: vec![q],
+            v: vec![None],
+            u: vec![u],
+            t,
+        }],
+        warnings: Vec::new(),
+    }
+}
+
+#[test]
+fn a_block_that_is_lighter_than_its_model_is_told_so_and_the_new_model_can_be_read() {
+    let dir = tempfile::tempdir().unwrap();
+    let urdf = format!(
+        r#"<robot name="block"><link name="rail"/>
+  <link name="block"><inertial><mass value="{HEAVY}"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+  <joint name="slide" type="prismatic"><parent link="rail"/><child link="block"/><axis xyz="1 0 0"/>
+    <limit lower="-9" upper="9" effort="9" velocity="9"/></joint></robot>"#
+    );
+    std::fs::write(dir.path().join("block.urdf"), urdf).unwrap();
+    let text = |more: &str| {
+        format!(
+            "urdf = \"block.urdf\"\n[[input]]\nname = \"motor\"\njoint = \"slide\"\n\
+             [[effect]]\nkind = \"linear_spring\"\njoint = \"slide\"\nstiffness = {SPRING}\nrest = 0.0\nfixed = true\n\
+             [[effect]]\nkind = \"viscous_friction\"\njoint = \"slide\"\ncoefficient = {DAMPING}\nfixed = true\n{more}"
+        )
+    };
+    let path = dir.path().join("block.toml");
+    let given = Model::parse(&path, text("")).unwrap_or_else(|e| panic!("{e}"));
+    let out = dir.path().join("out");
+    let outcome =
+        diagnose(&given, &[block()], &[], &out, 0, &|_| ()).unwrap_or_else(|e| panic!("{e}"));
+    let found = &outcome.diagnosis;
+    let [effect] = found.effects.as_slice() else {
+        panic!("{:?}", found.effects);
+    };
+    // On one slide a mass and a rotor's inertia are the same.
+    let same = ["added_mass", "reflected_inertia"];
+    assert!(same.contains(&effect.kind.as_str()), "{effect:?}");
+    let other = &effect.indistinguishable_from;
+    assert!(
+        other.iter().any(|n| same.contains(&n.kind.as_str())),
+        "{other:?}"
+    );
+    // With what its tolerance of 2 % takes.
+    let scale = found
+        .constants
+        .iter()
+        .find(|c| c.name.contains("mass scale"))
+        .unwrap();
+    let mass = HEAVY * scale.fitted + effect.parameters.values().next().unwrap().value;
+    assert!((mass - LIGHT).abs() < 0.004, "{mass}");
+    assert!(found.gap.after < 2.0, "{:?}", found.gap);
+    Model::load(&outcome.model).unwrap_or_else(|e| panic!("{e}"));
+
+    let less = |mass: f64| {
+        text(&format!(
+            "[[effect]]\nkind = \"added_mass\"\nlink = \"block\"\nmass = {mass}\n"
+        ))
+    };
+    assert!(Model::parse(&path, less(-0.85)).is_ok());
+    let refused = Model::parse(&path, less(-0.95)).err().unwrap().to_string();
+    assert!(refused.contains("at least -0.9 kg"), "{refused}");
+}
