@@ -5,8 +5,12 @@
 //! error, since the rows could as well be a second recording under the same name.
 
 mod columns;
+mod csv;
 mod interval;
+#[cfg(feature = "parquet")]
+mod parquet;
 mod read;
+mod rows;
 
 use std::path::{Path, PathBuf};
 
