@@ -62,7 +62,7 @@ pub(super) struct Layout {
     pub run: Option<usize>,
 }
 
-#[cfg(feature = "parquet")]
+#[cfg(any(feature = "parquet", feature = "mcap"))]
 impl Layout {
     /// Indices of all columns that are read; a column may stand for several signals.
     pub fn used(&self) -> impl Iterator<Item = usize> {

@@ -82,7 +82,7 @@ fn text_of<'a>(path: &Path, bytes: &'a [u8]) -> Result<&'a str, Error> {
             path,
             Problem::at(
                 Position::of(valid, valid.len()),
-                "this byte is not UTF-8: a log is a CSV text in UTF-8 (or a Parquet file, which is told by its first bytes)",
+                "this byte is not UTF-8: a log is a CSV text in UTF-8 (or a file in Parquet or MCAP, which are told by their first bytes)",
             ),
         )
     })

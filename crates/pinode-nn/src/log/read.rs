@@ -37,10 +37,16 @@ pub(super) fn parse(path: &Path, bytes: &[u8], channels: &Channels) -> Result<Lo
         #[cfg(not(feature = "parquet"))]
         return Err(not_built(path, "Parquet", "parquet"));
     }
+    if bytes.starts_with(b"\x89MCAP0\r\n") {
+        #[cfg(feature = "mcap")]
+        return super::mcap::parse(path, bytes, channels);
+        #[cfg(not(feature = "mcap"))]
+        return Err(not_built(path, "MCAP", "mcap"));
+    }
     csv::parse(path, bytes, channels)
 }
 
-#[cfg(not(feature = "parquet"))]
+#[cfg(not(all(feature = "parquet", feature = "mcap")))]
 fn not_built(path: &Path, format: &str, feature: &str) -> Error {
     refused(
         path,
@@ -49,4 +55,33 @@ fn not_built(path: &Path, format: &str, feature: &str) -> Error {
              in UTF-8"
         )),
     )
+}
+
+#[cfg(all(test, not(any(feature = "parquet", feature = "mcap"))))]
+mod tests {
+    use super::*;
+    use crate::log::ColumnMap;
+
+    #[test]
+    fn a_format_that_is_not_built_in_is_named_with_its_feature() {
+        let channels = Channels {
+            coordinates: &[],
+            velocities: &[],
+            inputs: &[],
+            columns: &ColumnMap::default(),
+        };
+        for (bytes, feature) in [
+            (&b"PAR1\x15"[..], "parquet"),
+            (b"\x89MCAP0\r\n\x01", "mcap"),
+        ] {
+            let told = match parse(Path::new("log"), bytes, &channels) {
+                Ok(_) => "accepted".into(),
+                Err(e) => e.to_string(),
+            };
+            assert!(
+                told.contains(&format!("the cargo feature `{feature}`")),
+                "{told}"
+            );
+        }
+    }
 }

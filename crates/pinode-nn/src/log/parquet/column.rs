@@ -138,23 +138,14 @@ impl Column {
                 self.fill(r, rows, |_, v| Value::Integer((*v).into()))
             }
             ColumnReader::Int32ColumnReader(r) => self.fill(r, rows, |column, v| {
-                let unsigned = column.kind == Kind::Unsigned;
-                column.integer(if unsigned {
-                    v.cast_unsigned().into()
-                } else {
-                    (*v).into()
-                })
+                column.integer((*v).into(), v.cast_unsigned().into())
             }),
             ColumnReader::Int64ColumnReader(r) => self.fill(r, rows, |column, v| {
-                let unsigned = column.kind == Kind::Unsigned;
-                column.integer(if unsigned {
-                    v.cast_unsigned().into()
-                } else {
-                    (*v).into()
-                })
+                column.integer((*v).into(), v.cast_unsigned().into())
             }),
             ColumnReader::Int96ColumnReader(r) => self.fill(r, rows, |column, v: &Int96| {
-                column.integer(v.to_nanos().into())
+                let ns = v.to_nanos().into();
+                column.integer(ns, ns)
             }),
             ColumnReader::FloatColumnReader(r) => {
                 self.fill(r, rows, |_, v| Value::Number((*v).into()))
@@ -194,8 +185,10 @@ impl Column {
         Ok(found)
     }
 
-    fn integer(&mut self, raw: i128) -> Value {
+    /// An integer, with its sign and without.
+    fn integer(&mut self, raw: i128, unsigned: i128) -> Value {
         match self.kind {
+            Kind::Unsigned => Value::Integer(unsigned),
             Kind::Stamp { per_second } => {
                 let first = *self.first.get_or_insert(raw);
                 Value::Number((raw - first) as f64 / per_second)

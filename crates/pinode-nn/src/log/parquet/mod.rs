@@ -5,7 +5,6 @@
 mod column;
 mod pages;
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use ::parquet::errors::{ParquetError, Result};
@@ -87,11 +86,8 @@ pub(super) fn parse(path: &Path, bytes: &[u8], channels: &Channels) -> Result<Lo
 
 /// What the library says of a damaged file, also where it panics: its decoders trust lengths and indices within pages.
 fn guarded<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
-    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| {
-        Err(ParquetError::General(
-            "its pages contradict themselves".into(),
-        ))
-    })
+    let panicked = || ParquetError::General("its pages contradict themselves".into());
+    super::guarded::guarded(work).unwrap_or_else(|| Err(panicked()))
 }
 
 /// The columns that are read, a batch of rows of each.

@@ -1,0 +1,103 @@
+//! When a message was: at the stamp in its header, else when it was logged.
+
+use super::value::Value;
+
+/// Stamps and times of logging this far apart are of clocks that were set differently, s.
+const APART: f64 = 0.5;
+
+/// The times of a topic's messages, ns.
+#[derive(Default)]
+pub(super) struct Times {
+    pub logged: Vec<i64>,
+    stamps: Vec<Option<i64>>,
+}
+
+impl Times {
+    pub(super) fn push(&mut self, logged: i64, message: &Value) {
+        self.logged.push(logged);
+        self.stamps.push(stamp(message));
+    }
+
+    /// How much later messages were logged than stamped, at the median, s; none where they have no stamps, or only empty ones.
+    fn delay(&self) -> Option<f64> {
+        let mut delays = Vec::with_capacity(self.stamps.len());
+        for (stamp, logged) in self.stamps.iter().zip(&self.logged) {
+            delays.push(logged.saturating_sub((*stamp)?));
+        }
+        if self.stamps.iter().all(|stamp| *stamp == Some(0)) {
+            return None;
+        }
+        delays.sort_unstable();
+        let median = delays.get(delays.len() / 2)?;
+        Some(*median as f64 * 1e-9)
+    }
+}
+
+fn stamp(message: &Value) -> Option<i64> {
+    let stamp = message.field("header")?.field("stamp")?;
+    let (s, ns) = (
+        stamp.field("sec")?.number()?,
+        stamp.field("nanosec")?.number()?,
+    );
+    (s as i64)
+        .checked_mul(1_000_000_000)?
+        .checked_add(ns as i64)
+}
+
+/// Chooses the times of each topic; false where those of logging were taken though there are stamps, since the clocks differ.
+pub(super) fn choose(topics: Vec<Times>) -> (Vec<Vec<i64>>, bool) {
+    let delays: Vec<Option<f64>> = topics.iter().map(Times::delay).collect();
+    let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+    for (times, delay) in topics.iter().zip(&delays) {
+        if !times.logged.is_empty() {
+            least = least.min(delay.unwrap_or(0.0));
+            most = most.max(delay.unwrap_or(0.0));
+        }
+    }
+    let agree = most - least <= APART;
+    let chosen = topics
+        .into_iter()
+        .zip(delays)
+        .map(|(times, delay)| match delay {
+            Some(_) if agree => times.stamps.into_iter().flatten().collect(),
+            _ => times.logged,
+        });
+    (chosen.collect(), agree)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const S: i64 = 1_000_000_000;
+
+    fn times(stamps: &[Option<i64>], logged: &[i64]) -> Times {
+        Times {
+            logged: logged.to_vec(),
+            stamps: stamps.to_vec(),
+        }
+    }
+
+    #[test]
+    fn stamps_are_taken_where_there_are_some_and_the_clocks_agree() {
+        let stamped = || times(&[Some(10 * S), Some(11 * S)], &[10 * S + 5, 11 * S + 5]);
+        let bare = || times(&[None, None], &[10 * S, 11 * S]);
+        let (chosen, agree) = choose(vec![stamped(), bare(), times(&[], &[])]);
+        assert!(agree);
+        assert_eq!(chosen, [vec![10 * S, 11 * S], vec![10 * S, 11 * S], vec![]]);
+
+        // The stamps of a simulation that starts at 0, beside times of the wall.
+        let simulated = times(&[Some(S), Some(2 * S)], &[10 * S, 11 * S]);
+        let (chosen, agree) = choose(vec![simulated, bare()]);
+        assert!(!agree);
+        assert_eq!(chosen, [vec![10 * S, 11 * S], vec![10 * S, 11 * S]]);
+    }
+
+    #[test]
+    fn stamps_that_nobody_filled_in_are_none() {
+        let empty = times(&[Some(0), Some(0)], &[10 * S, 11 * S]);
+        let (chosen, agree) = choose(vec![empty]);
+        assert!(agree);
+        assert_eq!(chosen, [vec![10 * S, 11 * S]]);
+    }
+}
