@@ -15,12 +15,15 @@ const MOST_PROBLEMS: usize = 20;
 
 /// What stands in one column of one row.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(
+    not(feature = "parquet"),
+    allow(dead_code) // CSV has texts only, MCAP no integers
+)]
 pub(super) enum Cell<'a> {
     /// A word, or a number as text.
     Text(&'a str),
     Number(f64),
     /// Kept apart from other numbers because ids of runs may be longer than those can tell.
-    #[cfg(feature = "parquet")]
     Integer(i128),
     Missing,
 }
@@ -161,7 +164,6 @@ impl<'a> Rows<'a> {
         let raw = match cell {
             Cell::Text(field) => field.parse::<f64>().ok(),
             Cell::Number(raw) => Some(raw),
-            #[cfg(feature = "parquet")]
             Cell::Integer(raw) => Some(raw as f64),
             Cell::Missing => None,
         };
@@ -226,7 +228,6 @@ fn id_of(cell: Cell) -> Cow<str> {
     match cell {
         Cell::Text(id) => id.into(),
         Cell::Number(id) => id.to_string().into(),
-        #[cfg(feature = "parquet")]
         Cell::Integer(id) => id.to_string().into(),
         Cell::Missing => "".into(),
     }

@@ -101,13 +101,22 @@ pub(super) fn read(
             "it has more than {MOST_READINGS} numbers of the signals that are read"
         ));
     }
-    let (times, agree) = clock::choose(times);
+    let chosen = clock::choose(times);
+    for (topic, logged) in chosen.begun_anew {
+        let topic = catalogue.topics.get(topic).map_or("", |topic| &topic.name);
+        faults.push(format!(
+            "the stamps of {} begin anew in what was logged at {} s: cut the file there, recordings that do not continue one another are \
+             logs of their own",
+            quoted(topic),
+            seconds(logged)
+        ));
+    }
     for (series, column) in series.iter_mut().zip(&catalogue.columns) {
-        series.place(times.get(column.topic).map_or(&[], Vec::as_slice));
+        series.place(chosen.times.get(column.topic).map_or(&[], Vec::as_slice));
     }
     Ok(Readings {
         series,
-        clocks_differ: !agree,
+        clocks_differ: !chosen.agree,
         faults,
         more_faults,
     })
