@@ -92,9 +92,11 @@ impl Catalogue {
             }
         };
         let run_local = format!("{}.run", topic.name);
+        // Times, which every row has.
+        let stamp = format!("{}.header.stamp.", topic.name);
         message.leaves(&topic.name, &mut |name, path, value| {
             let wanted = value.number().is_some() || name == run.column || name == run_local;
-            if !wanted {
+            if !wanted || name.starts_with(&stamp) {
                 return;
             }
             let told = !value.number().is_some_and(f64::is_nan);

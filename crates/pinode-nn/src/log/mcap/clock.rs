@@ -52,6 +52,8 @@ pub(super) struct Chosen {
     pub agree: bool,
     /// Topics whose stamps begin anew, and when that was logged.
     pub begun_anew: Vec<(usize, i64)>,
+    /// Topics that have times of logging beside others that have stamps.
+    pub unstamped: Vec<usize>,
 }
 
 /// Chooses stamps or times of logging.
@@ -68,7 +70,9 @@ pub(super) fn choose(topics: Vec<Times>) -> Chosen {
         times: Vec::with_capacity(topics.len()),
         agree: most - least <= APART,
         begun_anew: Vec::new(),
+        unstamped: Vec::new(),
     };
+    let mixed = chosen.agree && delays.iter().any(Option::is_some);
     for (topic, (times, delay)) in topics.into_iter().zip(delays).enumerate() {
         chosen.times.push(if chosen.agree && delay.is_some() {
             let stamps: Vec<i64> = times.stamps.into_iter().flatten().collect();
@@ -78,6 +82,9 @@ pub(super) fn choose(topics: Vec<Times>) -> Chosen {
                 .extend(logged.map(|logged| (topic, logged)));
             stamps
         } else {
+            if mixed && !times.logged.is_empty() {
+                chosen.unstamped.push(topic);
+            }
             times.logged
         });
     }
@@ -114,6 +121,7 @@ mod tests {
         let bare = || times(&[None, None], &[10 * S, 11 * S]);
         let chosen = choose(vec![stamped(), bare(), times(&[], &[])]);
         assert!(chosen.agree && chosen.begun_anew.is_empty());
+        assert_eq!(chosen.unstamped, [1]);
         assert_eq!(
             chosen.times,
             [vec![10 * S, 11 * S], vec![10 * S, 11 * S], vec![]]
@@ -122,7 +130,7 @@ mod tests {
         // The stamps of a simulation that starts at 0, beside times of the wall.
         let simulated = times(&[Some(S), Some(2 * S)], &[10 * S, 11 * S]);
         let chosen = choose(vec![simulated, bare()]);
-        assert!(!chosen.agree);
+        assert!(!chosen.agree && chosen.unstamped.is_empty());
         assert_eq!(chosen.times, [vec![10 * S, 11 * S], vec![10 * S, 11 * S]]);
     }
 

@@ -22,6 +22,7 @@ use lagrange::Problem;
 use super::rows::{Found, Rows, refused};
 use super::{Channels, Log, columns};
 use crate::Error;
+use crate::naming::quoted;
 use catalogue::Catalogue;
 use table::Table;
 
@@ -80,6 +81,13 @@ pub(super) fn parse(path: &Path, bytes: &[u8], channels: &Channels) -> Result<Lo
             "the stamps in the messages are not of the clock of the times at which they were logged, and not all topics have them: all \
              times are those of logging",
         ));
+    }
+    if !readings.unstamped.is_empty() {
+        let names: Vec<String> = readings.unstamped.iter().map(|name| quoted(name)).collect();
+        warnings.push(Problem::general(format!(
+            "no stamps in the messages of {}: their times are those of logging, beside stamps of others",
+            names.join(", ")
+        )));
     }
     let mut table = Table::new(&catalogue, &readings, &layout, channels);
     table.fill(&mut rows);

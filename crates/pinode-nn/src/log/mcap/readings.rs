@@ -13,11 +13,13 @@ use crate::naming::quoted;
 const MOST_READINGS: usize = 1 << 27;
 
 /// The readings of the used columns.
-pub(super) struct Readings {
+pub(super) struct Readings<'a> {
     /// For each column of the catalogue; empty for those that are not used.
     pub series: Vec<Series>,
     /// Whether the stamps were passed over, since not all clocks agree.
     pub clocks_differ: bool,
+    /// Topics without stamps, where others have some.
+    pub unstamped: Vec<&'a str>,
     /// The first messages that are not like their definition.
     pub faults: Vec<String>,
     pub more_faults: usize,
@@ -30,12 +32,12 @@ struct Wanted<'a> {
 }
 
 /// Reads the columns for which `used` says so; the ids of runs stand in the column `run`.
-pub(super) fn read(
+pub(super) fn read<'a>(
     bytes: &[u8],
-    catalogue: &Catalogue,
+    catalogue: &'a Catalogue,
     used: &[bool],
     run: Option<usize>,
-) -> Result<Readings, String> {
+) -> Result<Readings<'a>, String> {
     let mut topics: HashMap<&str, Wanted> = HashMap::new();
     for (index, column) in catalogue.columns.iter().enumerate() {
         if used.get(index) == Some(&true)
@@ -102,12 +104,12 @@ pub(super) fn read(
         ));
     }
     let chosen = clock::choose(times);
+    let name = |topic: usize| catalogue.topics.get(topic).map_or("", |topic| &topic.name);
     for (topic, logged) in chosen.begun_anew {
-        let topic = catalogue.topics.get(topic).map_or("", |topic| &topic.name);
         faults.push(format!(
             "the stamps of {} begin anew in what was logged at {} s: cut the file there, recordings that do not continue one another are \
              logs of their own",
-            quoted(topic),
+            quoted(name(topic)),
             seconds(logged)
         ));
     }
@@ -117,6 +119,7 @@ pub(super) fn read(
     Ok(Readings {
         series,
         clocks_differ: !chosen.agree,
+        unstamped: chosen.unstamped.into_iter().map(name).collect(),
         faults,
         more_faults,
     })

@@ -51,7 +51,7 @@ pub(super) struct Table<'a> {
 impl<'a> Table<'a> {
     pub(super) fn new(
         catalogue: &'a Catalogue,
-        readings: &'a Readings,
+        readings: &'a Readings<'a>,
         layout: &Layout,
         channels: &Channels,
     ) -> Self {
