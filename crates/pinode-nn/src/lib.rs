@@ -1,7 +1,7 @@
 //! Find, name and add the physics that a simulation is missing, from measured data.
 //!
 //! A [`Model`](model::Model) is a TOML file: a mechanism (URDF, or its energies as text), inputs, known effects, sensors, and how well
-//! all this is known. A [`Log`](log::Log) is a CSV file. The model's equations of motion are
+//! all this is known. A [`Log`](log::Log) is a file in CSV, Parquet or MCAP. The model's equations of motion are
 //!
 //! M(q) v̇ + C(q, v) v + G(q) = Q = Σ gains · inputs + Σ effects,
 //!
@@ -23,7 +23,7 @@
 //! sticks, and [`smoothing`] says how far the two are apart. [`band`] says how far measurements may be from an ensemble of networks. [`environment`] makes an environment of a model, to find a controller on.
 //! [`poses`] is what becomes of floating bodies in logs.
 //! Feature `cli` (default): the program `pinode` and the HTML report. Feature `adaptive` (default): `adaptive_run`, free runs whose steps
-//! adapt to the motion, also where it is stiff.
+//! adapt to the motion, also where it is stiff. Features `parquet` and `mcap` (default): logs in these formats.
 #[cfg(feature = "adaptive")]
 pub mod adaptive_run;
 pub mod band;

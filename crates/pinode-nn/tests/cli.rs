@@ -717,3 +717,34 @@ fn a_step_is_for_fixed_steps_and_a_tolerance_for_those_that_adapt() {
         );
     }
 }
+
+/// The same recording, written by other programs (`data/logs/make.py`).
+#[cfg(all(feature = "parquet", feature = "mcap"))]
+#[test]
+fn logs_in_csv_parquet_and_mcap_give_the_same_numbers() {
+    let logs = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/logs");
+    let mapped = std::fs::read_to_string(cartpole()).unwrap()
+        + "\n[log.columns]\n\"u.motor\" = \"/motor/command.data\"\n";
+    let urdf = models().join("cartpole/cartpole.urdf");
+    let mapped = mapped.replace("cartpole.urdf", &urdf.display().to_string());
+    let (_dir, mapped) = file("mapped.toml", &mapped);
+    let evaluated = |model: &str, name: &str| {
+        let log = logs.join(name).display().to_string();
+        let output = pinode(&["evaluate", model, &log, "--json", "--windows", "20"]);
+        (stdout_json(&output), stderr(&output))
+    };
+    let (csv, _) = evaluated(&cartpole(), "rig.csv");
+    assert!(csv["coordinates"][0]["rmse"].as_f64().unwrap() > 0.0);
+    for (model, name) in [
+        (&cartpole(), "snappy.parquet"),
+        (&cartpole(), "json.mcap"),
+        (&mapped, "ros2.mcap"),
+    ] {
+        assert_eq!(evaluated(model, name).0, csv, "{name}");
+    }
+    let (_, told) = evaluated(&cartpole(), "json.mcap");
+    assert!(
+        told.contains("topics not read: `/odd` (protobuf)"),
+        "{told}"
+    );
+}

@@ -10,7 +10,7 @@ use crate::Error;
 pub(super) struct Arguments {
     /// The model, a TOML file
     model: PathBuf,
-    /// Logs, CSV files; without --holdout, the last quarter of them is not fitted
+    /// Logs: CSV, Parquet or MCAP files; without --holdout, the last quarter of them is not fitted
     #[arg(required = true)]
     logs: Vec<PathBuf>,
     /// Logs that no fit may see: the gap is measured on them

@@ -16,7 +16,7 @@ use crate::free_run::{Initial, LONGEST_STEP};
 pub(super) struct Arguments {
     /// The model, a TOML file
     model: PathBuf,
-    /// Logs, CSV files
+    /// Logs: CSV, Parquet or MCAP files
     #[arg(required = true)]
     logs: Vec<PathBuf>,
     /// Length of a window, s

@@ -35,7 +35,7 @@ const EVERY: Duration = Duration::from_secs(10);
 pub(super) struct Arguments {
     /// The model, a TOML file
     model: PathBuf,
-    /// Logs, CSV files; without --holdout, the last eighth of each recording tells when to stop
+    /// Logs: CSV, Parquet or MCAP files; without --holdout, the last eighth of each recording tells when to stop
     #[arg(required = true)]
     logs: Vec<PathBuf>,
     /// Joints that the network acts on; a baseline needs none

@@ -1,5 +1,7 @@
 //! Which column of a log holds which signal.
 
+use std::collections::HashSet;
+
 use lagrange::{Position, Problem};
 
 use super::Channels;
@@ -61,34 +63,39 @@ pub(super) struct Layout {
     pub run: Option<usize>,
 }
 
-/// Finds the columns of `channels` in `header`.
+#[cfg(any(feature = "parquet", feature = "mcap"))]
+impl Layout {
+    /// Indices of all columns that are read; a column may stand for several signals.
+    pub fn used(&self) -> impl Iterator<Item = usize> {
+        let velocities = self.v.iter().flatten();
+        std::iter::once(&self.t)
+            .chain(&self.q)
+            .chain(velocities)
+            .chain(&self.u)
+            .map(|source| source.index)
+            .chain(self.run)
+    }
+}
+
+/// Finds the columns of `channels` in `header`, which stands at `top` of a text.
 pub(super) fn resolve(
     header: &[&str],
+    top: Option<Position>,
     channels: &Channels,
     warnings: &mut Vec<Problem>,
 ) -> Result<Layout, Vec<Problem>> {
-    let top = Position { line: 1, column: 1 };
     let mut problems = Vec::new();
-    if let [only] = header
-        && (only.contains(';') || only.contains('\t'))
-    {
-        return Err(vec![Problem::at(
-            top,
-            format!(
-                "the header is the single column {}: separate columns by commas, and write decimals with a point",
-                quoted(only)
-            ),
-        )]);
-    }
-    for (i, name) in header.iter().enumerate() {
-        if name.is_empty() {
-            continue;
-        }
-        if header.iter().take(i).any(|other| other == name) {
-            problems.push(Problem::at(
-                top,
-                format!("the header has column {} twice: rename one", quoted(name)),
-            ));
+    let mut seen = HashSet::with_capacity(header.len());
+    let said = |message: String| Problem {
+        position: top,
+        message,
+    };
+    for name in header {
+        if !name.is_empty() && !seen.insert(name) {
+            problems.push(said(format!(
+                "the header has column {} twice: rename one",
+                quoted(name)
+            )));
         }
     }
 
@@ -146,13 +153,10 @@ pub(super) fn resolve(
         } else {
             format!("{} (for {signal}, by [log.columns])", quoted(&column))
         };
-        problems.push(Problem::at(
-            top,
-            format!(
-                "column {spelled} is missing{}; other names are mapped by [log.columns] in the model",
-                hint(&column, "unused columns", &unused)
-            ),
-        ));
+        problems.push(said(format!(
+            "column {spelled} is missing{}; other names are mapped by [log.columns] in the model",
+            hint(&column, "unused columns", &unused)
+        )));
     }
     if let (Some(t), true) = (t, problems.is_empty()) {
         if !unused.is_empty() {
@@ -161,10 +165,10 @@ pub(super) fn resolve(
                 0 => String::new(),
                 n => format!(" and {n} more"),
             };
-            warnings.push(Problem::at(
-                top,
-                format!("columns not used: {}{more}", names.join(", ")),
-            ));
+            warnings.push(said(format!(
+                "columns not used: {}{more}",
+                names.join(", ")
+            )));
         }
         return Ok(Layout {
             t,

@@ -1,12 +1,36 @@
-//! Measured logs: CSV with the columns `t`, `q.<joint>`, `v.<joint>`, `u.<input>`, `run`.
+//! Measured logs: tables with the columns `t`, `q.<joint>`, `v.<joint>`, `u.<input>`, `run`, in CSV, Parquet or MCAP.
 //!
 //! Row k is the state measured at t_k and the input held over [t_k, t_{k+1}). `v.*` and `run` are optional; `run` separates
 //! recordings that do not continue one another. The rows of one run stand together: an id that returns after another run is an
 //! error, since the rows could as well be a second recording under the same name.
+//!
+//! The first bytes of a file tell its format, not its name:
+//!
+//! | format | columns | times | a fault is told by |
+//! |---|---|---|---|
+//! | CSV in UTF-8 | those of the header | `t`, s | line and column |
+//! | Parquet (feature `parquet`) | numbers, decimals, switches, text; the fields of structures as `a.b`, but no lists | `t`, s, or stamps, which become seconds since the first | row, from 1 |
+//! | MCAP (feature `mcap`) | the numbers in messages, `<topic>.<field>.<subfield>` | `header.stamp` of a message, else when it was logged; s since the first row | topic and time |
+//!
+//! Messages of an MCAP file are read in JSON, and in CDR with definitions of ROS 2 (`ros2msg`); other topics are left out with a
+//! warning. The elements of an array are `[0]`, `[1]`, …, or have the names that stand beside it, as in
+//! `/joint_states.position[slider]`. A field that is called as a signal (`q.slider`) is that signal, and where one topic has the type
+//! `sensor_msgs/msg/JointState` its positions and velocities are those of the coordinates with these names; all else is mapped by
+//! `[log.columns]`. The rows are at the messages that hold the position of the first coordinate: other positions and velocities are
+//! interpolated between their messages, with a warning, and an input is that of the last message until then. Rows at which a signal
+//! has no value yet, or no longer, are left out, with a warning.
 
 mod columns;
+mod csv;
+#[cfg(any(feature = "mcap", feature = "parquet"))]
+mod guarded;
 mod interval;
+#[cfg(feature = "mcap")]
+mod mcap;
+#[cfg(feature = "parquet")]
+mod parquet;
 mod read;
+mod rows;
 
 use std::path::{Path, PathBuf};
 
@@ -80,7 +104,7 @@ impl Log {
     /// Reads the log at `path` for `model`. Where the model writes poses by angles, the log may still have positions and quaternions.
     ///
     /// # Errors
-    /// [`Error::Io`], or [`Error::Problems`] with every fault, by line and column (the first twenty, and how many more).
+    /// [`Error::Io`], or [`Error::Problems`] with every fault, each with its place (the first twenty, and how many more).
     pub fn read(path: &Path, model: &Model) -> Result<Log, Error> {
         let velocities: Vec<bool> = model
             .sensors

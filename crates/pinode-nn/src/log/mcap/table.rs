@@ -1,0 +1,249 @@
+//! The rows of a log, put together from topics that each have their own times.
+
+use lagrange::Problem;
+
+use super::catalogue::Catalogue;
+use super::readings::{Readings, seconds};
+use super::series::{Series, period};
+use crate::log::Channels;
+use crate::log::columns::Layout;
+use crate::log::rows::{Cell, Row, Rows};
+use crate::naming::quoted;
+
+/// How a column is read between its messages.
+#[derive(Clone, Copy)]
+enum Between {
+    /// On a line, or an arc where it goes round with this period.
+    Line(Option<f64>),
+    Held,
+}
+
+/// A column that is read.
+struct Signal<'a> {
+    /// In the catalogue.
+    index: usize,
+    series: &'a Series,
+    between: Between,
+    /// Neighbours between which it was read were so far apart, ns.
+    widest: i64,
+}
+
+/// What a signal says in one row.
+#[derive(Clone, Copy)]
+struct Reading {
+    index: usize,
+    number: f64,
+    /// Of the message.
+    message: usize,
+}
+
+pub(super) struct Table<'a> {
+    catalogue: &'a Catalogue,
+    signals: Vec<Signal<'a>>,
+    /// Whose messages are the rows, in the catalogue.
+    first: usize,
+    run: Option<usize>,
+    /// Rows left out before the first and after the last that is whole.
+    before: usize,
+    after: usize,
+}
+
+impl<'a> Table<'a> {
+    pub(super) fn new(
+        catalogue: &'a Catalogue,
+        readings: &'a Readings<'a>,
+        layout: &Layout,
+        channels: &Channels,
+    ) -> Self {
+        let mut signals: Vec<Signal> = Vec::new();
+        let mut add = |column: usize, between: Between| {
+            // The time of the row is no column of the file.
+            let Some(index) = column.checked_sub(1) else {
+                return;
+            };
+            // A column with two roles has the first.
+            if let (Some(series), false) = (
+                readings.series.get(index),
+                signals.iter().any(|signal| signal.index == index),
+            ) {
+                signals.push(Signal {
+                    index,
+                    series,
+                    between,
+                    widest: 0,
+                });
+            }
+        };
+        let coordinates = channels.coordinates.iter();
+        let wraps = coordinates.flat_map(|c| std::iter::repeat_n(c.wraps, c.nq()));
+        for (source, wraps) in layout.q.iter().zip(wraps) {
+            let period = period(source.scale).filter(|_| wraps);
+            add(source.index, Between::Line(period));
+        }
+        for source in layout.v.iter().flatten() {
+            add(source.index, Between::Line(None));
+        }
+        for source in layout.u.iter().chain([&layout.t]) {
+            add(source.index, Between::Held);
+        }
+        if let Some(index) = layout.run {
+            add(index, Between::Held);
+        }
+        let first = layout.q.first().or(layout.u.first()).unwrap_or(&layout.t);
+        Table {
+            catalogue,
+            signals,
+            first: first.index.saturating_sub(1),
+            run: layout.run.and_then(|index| index.checked_sub(1)),
+            before: 0,
+            after: 0,
+        }
+    }
+
+    /// Adds a row for each message of the first signal at which every signal has a value.
+    pub(super) fn fill(&mut self, rows: &mut Rows) {
+        let Some(first) = self
+            .signals
+            .iter()
+            .find(|signal| signal.index == self.first)
+        else {
+            return;
+        };
+        let topic = self.topic(self.first).to_owned();
+        let times = &first.series.times;
+        let mut readings = Vec::with_capacity(self.signals.len());
+        let mut zero = None;
+        for &time in times {
+            readings.clear();
+            for signal in &mut self.signals {
+                readings.extend(signal.at(time));
+            }
+            if readings.len() < self.signals.len() {
+                match zero {
+                    None => self.before += 1,
+                    Some(_) => self.after += 1,
+                }
+                continue;
+            }
+            let zero = *zero.get_or_insert(time);
+            rows.add(&Instant {
+                readings: &readings,
+                topic: &topic,
+                time,
+                t: time.saturating_sub(zero) as f64 / 1e9,
+                run: self.run,
+                signals: &self.signals,
+            });
+        }
+    }
+
+    /// Says what was made up and what was left out.
+    pub(super) fn tell(&self, rows: &mut Rows, warnings: &mut Vec<Problem>) {
+        let topic = self.topic(self.first);
+        for signal in self.signals.iter().filter(|signal| signal.widest > 0) {
+            let name = self.catalogue.columns.get(signal.index);
+            warnings.push(Problem::general(format!(
+                "{} is interpolated to the times of {}, between messages up to {} s apart",
+                quoted(name.map_or("", |column| &column.name)),
+                quoted(topic),
+                signal.widest as f64 / 1e9
+            )));
+        }
+        let (before, after) = (self.before, self.after);
+        if before + after == 0 {
+            return;
+        }
+        let all = self
+            .signals
+            .iter()
+            .find(|signal| signal.index == self.first);
+        if all.is_some_and(|first| before == first.series.times.len()) {
+            let spans: Vec<String> = self.signals.iter().map(|s| self.span(s)).collect();
+            rows.found.push(|| {
+                Problem::general(format!(
+                    "at no message of {} has every signal a value: {}; are these of one recording and one clock?",
+                    quoted(topic),
+                    spans.join(", ")
+                ))
+            });
+        } else {
+            warnings.push(Problem::general(format!(
+                "{before} rows left out before the first at which every signal has a value, {after} after the last"
+            )));
+        }
+    }
+
+    fn span(&self, signal: &Signal) -> String {
+        let ends = match (signal.series.times.first(), signal.series.times.last()) {
+            (Some(first), Some(last)) => {
+                format!("from {} to {} s", seconds(*first), seconds(*last))
+            }
+            _ => "nowhere".into(),
+        };
+        let name = self.catalogue.columns.get(signal.index);
+        format!("{} {ends}", quoted(name.map_or("", |column| &column.name)))
+    }
+
+    /// The topic of a column.
+    fn topic(&self, column: usize) -> &str {
+        let column = self.catalogue.columns.get(column);
+        let topic = column.and_then(|column| self.catalogue.topics.get(column.topic));
+        topic.map_or("", |topic| &topic.name)
+    }
+}
+
+impl Signal<'_> {
+    fn at(&mut self, time: i64) -> Option<Reading> {
+        let message = self.series.held(time)?;
+        let number = match self.between {
+            Between::Held => *self.series.numbers.get(message)?,
+            Between::Line(period) => {
+                let (number, apart) = self.series.between(time, period)?;
+                self.widest = self.widest.max(apart);
+                number
+            }
+        };
+        Some(Reading {
+            index: self.index,
+            number,
+            message,
+        })
+    }
+}
+
+/// A row.
+struct Instant<'a> {
+    readings: &'a [Reading],
+    signals: &'a [Signal<'a>],
+    run: Option<usize>,
+    topic: &'a str,
+    /// In the file, ns.
+    time: i64,
+    /// Since the first row, s.
+    t: f64,
+}
+
+impl Row for Instant<'_> {
+    fn cell(&self, index: usize) -> Cell<'_> {
+        let Some(index) = index.checked_sub(1) else {
+            return Cell::Number(self.t);
+        };
+        let mut both = self.readings.iter().zip(self.signals);
+        let Some((reading, signal)) = both.find(|(reading, _)| reading.index == index) else {
+            return Cell::Missing;
+        };
+        match signal.series.texts.get(reading.message) {
+            Some(text) if self.run == Some(index) => Cell::Text(text),
+            _ => Cell::Number(reading.number),
+        }
+    }
+
+    fn problem(&self, _: usize, message: String) -> Problem {
+        Problem::general(format!(
+            "{} at {} s (row at {:.3} s): {message}",
+            quoted(self.topic),
+            seconds(self.time),
+            self.t
+        ))
+    }
+}

@@ -1,0 +1,290 @@
+//! What is asked of every row, whatever the file's format: finite numbers, times that increase, runs that stand together.
+
+use std::borrow::Cow;
+use std::path::Path;
+
+use lagrange::{Problem, Problems};
+
+use super::columns::{Layout, Source};
+use super::{Channels, FEWEST_SAMPLES, Log, Run};
+use crate::Error;
+use crate::entries::starts;
+use crate::naming::quoted;
+
+/// More problems than these are only counted.
+const MOST_PROBLEMS: usize = 20;
+
+/// What stands in one column of one row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(
+    not(feature = "parquet"),
+    allow(dead_code) // CSV has texts only, MCAP no integers
+)]
+pub(super) enum Cell<'a> {
+    /// A word, or a number as text.
+    Text(&'a str),
+    Number(f64),
+    /// Kept apart from other numbers because ids of runs may be longer than those can tell.
+    Integer(i128),
+    Missing,
+}
+
+/// One row of a file, by the columns of its header.
+pub(super) trait Row {
+    fn cell(&self, index: usize) -> Cell<'_>;
+    /// A fault of the cell in column `index`, with its place.
+    fn problem(&self, index: usize, message: String) -> Problem;
+}
+
+/// Problems, of which the first are kept.
+#[derive(Debug, Default)]
+pub(super) struct Found {
+    list: Vec<Problem>,
+    more: usize,
+}
+
+impl Found {
+    pub(super) fn push(&mut self, problem: impl FnOnce() -> Problem) {
+        if self.list.len() < MOST_PROBLEMS {
+            self.list.push(problem());
+        } else {
+            self.more += 1;
+        }
+    }
+
+    pub(super) fn into_error(mut self, path: &Path) -> Error {
+        if self.more > 0 {
+            self.list
+                .push(Problem::general(format!("and {} more", self.more)));
+        }
+        Error::Problems(Problems {
+            source: path.display().to_string(),
+            list: self.list,
+        })
+    }
+}
+
+impl From<Vec<Problem>> for Found {
+    fn from(list: Vec<Problem>) -> Self {
+        let mut found = Found::default();
+        for problem in list {
+            found.push(|| problem);
+        }
+        found
+    }
+}
+
+/// The file cannot be read at all, for one reason.
+pub(super) fn refused(path: &Path, problem: Problem) -> Error {
+    Found::from(vec![problem]).into_error(path)
+}
+
+/// The runs, as far as they were read.
+pub(super) struct Rows<'a> {
+    header: &'a [&'a str],
+    layout: &'a Layout,
+    runs: Vec<Run>,
+    pub(super) found: Found,
+}
+
+impl<'a> Rows<'a> {
+    pub(super) fn new(header: &'a [&'a str], layout: &'a Layout) -> Self {
+        Rows {
+            header,
+            layout,
+            runs: Vec::new(),
+            found: Found::default(),
+        }
+    }
+
+    pub(super) fn add(&mut self, row: &impl Row) {
+        let layout = self.layout;
+        let Some(t) = self.number(row, layout.t) else {
+            return;
+        };
+        let id = layout
+            .run
+            .map_or("0".into(), |index| id_of(row.cell(index)));
+        if self.runs.last().is_none_or(|run| run.id != id) {
+            if self.runs.iter().any(|run| run.id == id) {
+                self.found.push(|| {
+                    row.problem(
+                        layout.run.unwrap_or(0),
+                        format!(
+                            "run {} returns after another run: keep its rows together, or give the second recording its own id",
+                            quoted(&id)
+                        ),
+                    )
+                });
+            }
+            self.runs.push(Run {
+                id: id.into_owned(),
+                t: Vec::new(),
+                q: vec![Vec::new(); layout.q.len()],
+                v: layout.v.iter().map(|v| v.map(|_| Vec::new())).collect(),
+                u: vec![Vec::new(); layout.u.len()],
+            });
+        } else if let Some(&last) = self.runs.last().and_then(|run| run.t.last())
+            && t <= last
+        {
+            let happened = if t == last {
+                "repeats"
+            } else {
+                "goes backwards"
+            };
+            self.found.push(|| {
+                row.problem(
+                    layout.t.index,
+                    format!(
+                        "time {happened}: {t} s after {last} s; recordings that do not continue one another are told apart by a column `run`"
+                    ),
+                )
+            });
+        }
+        // Numbers go in even where others of the row are missing: a log with problems is not returned.
+        let Some(mut run) = self.runs.pop() else {
+            return;
+        };
+        run.t.push(t);
+        for (column, &source) in run.q.iter_mut().zip(&layout.q) {
+            column.extend(self.number(row, source));
+        }
+        for (column, source) in run.v.iter_mut().zip(&layout.v) {
+            if let (Some(column), &Some(source)) = (column, source) {
+                column.extend(self.number(row, source));
+            }
+        }
+        for (column, &source) in run.u.iter_mut().zip(&layout.u) {
+            column.extend(self.number(row, source));
+        }
+        self.runs.push(run);
+    }
+
+    fn number(&mut self, row: &impl Row, source: Source) -> Option<f64> {
+        let cell = row.cell(source.index);
+        let raw = match cell {
+            Cell::Text(field) => field.parse::<f64>().ok(),
+            Cell::Number(raw) => Some(raw),
+            Cell::Integer(raw) => Some(raw as f64),
+            Cell::Missing => None,
+        };
+        if let Some(raw) = raw
+            && raw.is_finite()
+        {
+            let value = raw * source.scale + source.offset;
+            if value.is_finite() {
+                return Some(value);
+            }
+        }
+        let name = self.header.get(source.index).unwrap_or(&"");
+        self.found.push(|| {
+            let fault = match (raw, cell) {
+                (Some(raw), _) if raw.is_finite() => {
+                    format!("is {raw}, which scale and offset make infinite")
+                }
+                (Some(raw), _) => format!("is {raw}"),
+                (None, Cell::Text(field)) => format!("is {}, not a number", quoted(field)),
+                (None, _) => "is empty".to_owned(),
+            };
+            row.problem(
+                source.index,
+                format!(
+                    "{} {fault}: every entry must be a finite number; where the sensor failed, cut the recording into two runs",
+                    quoted(name)
+                ),
+            )
+        });
+        None
+    }
+
+    /// The log, unless something was found in the rows or in all of them together.
+    pub(super) fn into_log(
+        self,
+        path: &Path,
+        bytes: &[u8],
+        channels: &Channels,
+        mut warnings: Vec<Problem>,
+    ) -> Result<Log, Error> {
+        let Rows {
+            runs, mut found, ..
+        } = self;
+        if found.list.is_empty() {
+            let runs = long_enough(runs, &mut warnings, &mut found);
+            still(&runs, channels, &mut warnings, &mut found);
+            if found.list.is_empty() {
+                return Ok(Log {
+                    path: path.to_owned(),
+                    sha256: crate::disk::sha256(bytes),
+                    runs,
+                    warnings,
+                });
+            }
+        }
+        Err(found.into_error(path))
+    }
+}
+
+/// What stands in the column `run`.
+fn id_of(cell: Cell) -> Cow<str> {
+    match cell {
+        Cell::Text(id) => id.into(),
+        Cell::Number(id) => id.to_string().into(),
+        Cell::Integer(id) => id.to_string().into(),
+        Cell::Missing => "".into(),
+    }
+}
+
+/// The runs that are not too short.
+fn long_enough(runs: Vec<Run>, warnings: &mut Vec<Problem>, found: &mut Found) -> Vec<Run> {
+    let longest = runs.iter().map(Run::len).max().unwrap_or(0);
+    if longest < FEWEST_SAMPLES {
+        found.push(|| {
+            Problem::general(format!(
+                "too short: {longest} samples in the longest run, at least {FEWEST_SAMPLES} are needed"
+            ))
+        });
+        return runs;
+    }
+    let (long, short): (Vec<Run>, Vec<Run>) = runs
+        .into_iter()
+        .partition(|run| run.len() >= FEWEST_SAMPLES);
+    if let Some(first) = short.first() {
+        warnings.push(Problem::general(format!(
+            "{} runs left out because they have fewer than {FEWEST_SAMPLES} samples, the first is {}",
+            short.len(),
+            quoted(&first.id)
+        )));
+    }
+    long
+}
+
+/// Coordinates that never move are suspicious; a log in which nothing moves is of no use.
+fn still(runs: &[Run], channels: &Channels, warnings: &mut Vec<Problem>, found: &mut Found) {
+    let constant = |i: usize| {
+        let mut values = runs.iter().filter_map(|run| run.q.get(i)).flatten();
+        let first = values.next();
+        values.all(|value| Some(value) == first)
+    };
+    let all = channels.coordinates.iter();
+    let names: Vec<&str> = all
+        .zip(starts(channels.coordinates))
+        .filter(|(c, start)| (start.q..start.q + c.nq()).all(constant))
+        .map(|(c, _)| c.name.as_str())
+        .collect();
+    if names.is_empty() {
+        return;
+    }
+    if names.len() == channels.coordinates.len() {
+        found.push(|| {
+            Problem::general(format!(
+                "nothing moves: every sample of {} has one and the same value",
+                names.join(", ")
+            ))
+        });
+    } else {
+        warnings.push(Problem::general(format!(
+            "never moves: {}; nothing can be said of its friction",
+            names.join(", ")
+        )));
+    }
+}
