@@ -180,24 +180,18 @@ fn drag_on_the_wheel_of_a_satellite_is_found_in_a_log_of_its_pose() {
         text.contains("pose = \"angles\"") && text.contains("quadratic_drag"),
         "{text}"
     );
-    let start = [
-        "--initial",
-        "estimated",
-        "--horizon",
-        "3",
-        "--windows",
-        "50",
-    ]
-    .map(Path::new);
-    let of = |model: &Path| {
-        let all = [&["evaluate".as_ref(), model, &path][..], &start].concat();
-        let (found, _) = pinode(&all);
-        let all = found["coordinates"].as_array().unwrap().clone();
-        let wheel = all.iter().find(|c| c["name"] == "q.wheel").unwrap();
-        wheel["rmse"].as_f64().unwrap()
-    };
-    let (before, after) = (of(&model), of(&written));
+    let (before, after) = (wheel_error(&model, &path), wheel_error(&written, &path));
     assert!(after < 0.5 * before, "{before} {after}");
+}
+
+/// Of free runs of 3 s, rad.
+fn wheel_error(model: &Path, log: &Path) -> f64 {
+    let how = "--initial estimated --horizon 3 --windows 50".split(' ');
+    let how: Vec<&Path> = how.map(Path::new).collect();
+    let (found, _) = pinode(&[&["evaluate".as_ref(), model, log][..], &how].concat());
+    let all = found["coordinates"].as_array().unwrap();
+    let wheel = all.iter().find(|c| c["name"] == "q.wheel").unwrap();
+    wheel["rmse"].as_f64().unwrap()
 }
 
 /// Rolled out from the measured pose, by quaternions: the trajectory is a log again.
@@ -280,4 +274,27 @@ fn a_quaternion_that_is_none_is_refused_with_run_and_time() {
         "{said}"
     );
     assert!(said.contains("more"), "{said}");
+}
+
+/// The drag of the wheel, learnt by a network from a log of the pose: the new model reads such logs too.
+#[test]
+fn a_network_beside_a_floating_body_learns_from_a_log_of_its_pose() {
+    let dir = tempfile::tempdir().unwrap();
+    let model = satellite(dir.path());
+    let path = dir.path().join("log.csv");
+    std::fs::write(&path, log(Vector3::new(0.05, -0.1, 0.4))).unwrap();
+    let out = dir.path().join("learnt");
+    let how = "--joint wheel --sees v.wheel --units 8 --epochs 150 --out";
+    let how: Vec<&Path> = how.split(' ').map(Path::new).collect();
+    let (trained, _) = pinode(&[&["train".as_ref(), &*model, &path][..], &how, &[&out]].concat());
+    let loss = |key: &str| trained[key].as_f64().unwrap();
+    assert!(
+        loss("held_out") < loss("held_out_without_network"),
+        "{trained}"
+    );
+    let written = out.join("model.toml");
+    let text = std::fs::read_to_string(&written).unwrap();
+    assert!(text.contains("pose = \"angles\""), "{text}");
+    let (before, after) = (wheel_error(&model, &path), wheel_error(&written, &path));
+    assert!(after < 0.6 * before, "{before} {after}");
 }

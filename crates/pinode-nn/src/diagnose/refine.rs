@@ -48,8 +48,6 @@ pub struct Contender {
     pub wins: f64,
     /// Whether its gain stands under a finer integration and a narrower smoothing; `None`: not asked.
     pub numerically_sound: Option<bool>,
-    /// Whether it was taken and did not stay.
-    pub refused: bool,
     /// Whether further iterations from where it is were tried and did not explain more.
     is_spent: bool,
 }
@@ -58,14 +56,13 @@ impl Contender {
     /// Whether it would be accepted by itself.
     pub fn is_acceptable(&self) -> bool {
         let relieves = self.imitated && self.is_sure && self.comparison.relieves();
-        self.is_sensible && !self.refused && (self.comparison.explains() || relieves)
+        self.is_sensible && (self.comparison.explains() || relieves)
     }
 
     /// Whether it has a say where another would be accepted: what is there may be the one that falls short by a little.
     pub fn is_rival(&self) -> bool {
         let nearly = self.is_sensible && self.comparison.nearly_explains();
-        let stands = !self.refused && self.numerically_sound != Some(false);
-        (nearly || self.is_acceptable()) && stands
+        (nearly || self.is_acceptable()) && self.numerically_sound != Some(false)
     }
 }
 
@@ -195,7 +192,6 @@ pub fn contender(
         fitted,
         wins: 0.0,
         numerically_sound: None,
-        refused: false,
         is_spent: false,
     }
 }

@@ -339,14 +339,13 @@ impl Path {
                 old.len() == added.len() && old.iter().all(|c| added.contains(c))
             };
             if before.iter().any(same) {
-                self.at = place;
-                let Some(step) = self.steps.last_mut() else {
-                    break;
-                };
-                report("which was there before: asking who comes next");
-                step.refuse(k, &self.at.study, &self.at.current, seed);
-                next = step.accepted;
-                continue;
+                if place.added.len() > added.len() {
+                    self.at = place;
+                }
+                if let Some(step) = self.steps.last_mut() {
+                    step.accepted = None;
+                }
+                break;
             }
             before.push(added.clone());
             if added.len() >= MOST_EFFECTS {

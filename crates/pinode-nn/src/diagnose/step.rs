@@ -267,14 +267,6 @@ impl Step {
         self.accepted = accept(study, current, &mut self.contenders, seed);
     }
 
-    /// Does without contender `k`, which did not stay, and takes who is accepted then.
-    pub fn refuse(&mut self, k: usize, study: &Study, current: &Fitted, seed: u64) {
-        if let Some(contender) = self.contenders.get_mut(k) {
-            contender.refused = true;
-        }
-        self.choose(study, current, seed);
-    }
-
     /// What speaks for what is accepted, nats.
     fn explained(&self) -> f64 {
         self.accepted().map_or(0.0, |c| c.comparison.total())
