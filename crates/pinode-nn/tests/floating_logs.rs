@@ -10,7 +10,11 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use lagrange::mechanism::Axis;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use pinode_nn::log::Log;
+use pinode_nn::model::Model;
+use pinode_nn::poses::by_angles;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -297,4 +301,55 @@ fn a_network_beside_a_floating_body_learns_from_a_log_of_its_pose() {
     assert!(text.contains("pose = \"angles\""), "{text}");
     let (before, after) = (wheel_error(&model, &path), wheel_error(&written, &path));
     assert!(after < 0.6 * before, "{before} {after}");
+}
+
+/// A circle to the left at 2 m/s, nose ahead, with the velocities of the body in its own axes.
+#[test]
+fn measured_velocities_of_a_body_become_rates_of_its_angles() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = satellite(dir.path());
+    let model = Model::load(&path).unwrap();
+    let rate: f64 = 0.5;
+    let mut text = String::from(
+        "t,q.base.x,q.base.y,q.base.z,q.base.qw,q.base.qx,q.base.qy,q.base.qz,q.wheel,",
+    );
+    text += "v.base.vx,v.base.vy,v.base.vz,v.base.wx,v.base.wy,v.base.wz,u.motor\n";
+    for k in 0..40 {
+        let t = 0.1 * f64::from(k);
+        let (sin, cos) = (0.5 * rate * t).sin_cos();
+        let (x, y) = (
+            2.0 / rate * (rate * t).sin(),
+            2.0 / rate * (1.0 - (rate * t).cos()),
+        );
+        writeln!(text, "{t},{x},{y},0,{cos},0,0,{sin},{t},2,0,0,0,0,{rate},0").unwrap();
+    }
+    let csv = dir.path().join("log.csv");
+    std::fs::write(&csv, text).unwrap();
+    let log = Log::read(&csv, &model).unwrap();
+    assert_eq!((log.runs[0].q.len(), log.runs[0].v.len()), (8, 7));
+    let (by_angles, logs) = by_angles(&model, &[log]).unwrap();
+    let run = &logs[0].runs[0];
+    let speeds = |c: usize| run.v[c].as_deref().unwrap();
+    for k in 0..run.len() {
+        let yaw = rate * run.t[k];
+        let off = |found: f64, expected: f64| {
+            assert!((found - expected).abs() < 1e-9, "{k}: {found} {expected}")
+        };
+        off(run.q[3][k], yaw);
+        off(speeds(0)[k], 2.0 * yaw.cos());
+        off(speeds(1)[k], 2.0 * yaw.sin());
+        off(speeds(3)[k], rate);
+        off(speeds(4)[k], 0.0);
+    }
+    assert!(run.v[6].is_none(), "the wheel's is not measured");
+
+    // A model that writes its pose so reads the same.
+    let read = Log::read(&csv, &by_angles).unwrap();
+    assert_eq!(read.runs, logs[0].runs);
+    let other = model.by_angles(Axis::Y).unwrap();
+    let turned = Log::read(&csv, &other).unwrap();
+    assert!(
+        (turned.runs[0].q[3][0] - std::f64::consts::FRAC_PI_2).abs() < 1e-9,
+        "its y axis is ahead"
+    );
 }
