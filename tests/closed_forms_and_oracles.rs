@@ -323,15 +323,20 @@ fn robot(folder: &Path, robot: &str, variant: &str) {
     agrees_with(folder, (robot, variant), &tree(&urdf, &options));
 }
 
-fn agrees_with(folder: &Path, (robot, variant): (&str, &str), mechanics: &dyn Mechanics) {
+fn agrees_with(folder: &Path, (robot, variant): (&str, &str), mechanics: &impl Mechanics) {
     let name = format!("{robot}/{variant}");
     let json = json(&folder.join(format!("{robot}.json")));
     let given = &json["variants"][variant];
-    let mut names = texts(&given["dof_order"]);
+    let mut names: Vec<String> = texts(&given["dof_order"])
+        .into_iter()
+        .map(str::to_owned)
+        .collect();
     if mechanics.coordinates()[0].name == "base.x" {
-        let named = |name: &String| name.replacen("base_", "base.", 1);
-        names = names.iter().map(named).collect();
+        for name in &mut names {
+            *name = name.replacen("base_", "base.", 1);
+        }
     }
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let reference = Reference::new(name, mechanics, &names, &given["states"]);
     let coriolis = if mechanics.nv() > 12 { 2 } else { usize::MAX };
     reference.agrees(mechanics, 1e-10, coriolis);
