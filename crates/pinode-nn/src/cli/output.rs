@@ -5,6 +5,7 @@ use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use lagrange::Problems;
+use lagrange::mechanism::PoseForm;
 use serde::Serialize;
 
 use crate::Error;
@@ -148,6 +149,12 @@ impl Output {
         if model.has_poses() {
             let known: Vec<usize> = seen.iter().map(|log| log.warnings.len()).collect();
             (model, seen) = by_angles(&model, &seen)?;
+            if let PoseForm::Angles(angles) = model.pose {
+                self.note(&format!(
+                    "the pose of what floats is written by angles, roll about the {} axis of the body",
+                    angles.roll_axis.name()
+                ));
+            }
             for (log, known) in seen.iter().zip(known) {
                 self.warn(log, known);
             }
