@@ -119,6 +119,23 @@ impl Poses {
         &self.coordinates
     }
 
+    /// Whether a log that was refused for `error` has a quaternion, or a part of one: it is not missing as a whole.
+    pub fn are_in(&self, error: &Error) -> bool {
+        let said = error.to_string();
+        let lacks = |name: &str, part| {
+            said.contains(&format!("`q.{name}.{part}` is missing"))
+                || said.contains(&format!(
+                    "(for q.{name}.{part}, by [log.columns]) is missing"
+                ))
+        };
+        let mut poses = self.poses();
+        poses.any(|(c, _)| {
+            !["qw", "qx", "qy", "qz"]
+                .into_iter()
+                .all(|part| lacks(&c.name, part))
+        })
+    }
+
     /// What holds of the coordinates, where six are a pose: of all of these.
     pub fn of_all(&self, of_single: &[bool]) -> Vec<bool> {
         let mut rest = of_single;
@@ -158,6 +175,16 @@ impl Poses {
             let good = self.are_steep(run);
             left_out += good.iter().filter(|good| !**good).count();
             pieces.extend(cut(self.run_by_angles(run), &good));
+        }
+        for (coordinate, start) in self.poses() {
+            let measured = |run: &Run| run.v[start.v..start.v + 6].iter().flatten().count();
+            if log.runs.iter().any(|run| (1..6).contains(&measured(run))) {
+                log.warnings.push(Problem::general(format!(
+                    "velocities of {} are not used: all six are needed, `v.{}.vx` to `.wz`, and some are missing",
+                    quoted(&coordinate.name),
+                    coordinate.name
+                )));
+            }
         }
         let samples: usize = log.runs.iter().map(Run::len).sum();
         if left_out > 0 {

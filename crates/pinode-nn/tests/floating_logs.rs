@@ -353,3 +353,64 @@ fn measured_velocities_of_a_body_become_rates_of_its_angles() {
         "its y axis is ahead"
     );
 }
+
+/// Whether the model writes the pose as a quaternion or by angles: what is wrong with a log of poses is told of the columns that it has.
+#[test]
+fn faults_of_a_log_of_poses_are_told_by_its_own_columns() {
+    let dir = tempfile::tempdir().unwrap();
+    let model = Model::load(&satellite(dir.path())).unwrap();
+    let angles = model.by_angles(Axis::X).unwrap();
+    let text = log(Vector3::new(0.05, -0.1, 0.4));
+    let csv = dir.path().join("log.csv");
+    let told = |model: &Model, text: &str| {
+        std::fs::write(&csv, text).unwrap();
+        match Log::read(&csv, model) {
+            Ok(log) => log.warnings.iter().map(|w| w.to_string()).collect(),
+            Err(error) => error.to_string(),
+        }
+    };
+    let lines: Vec<&str> = text.lines().collect();
+    let mut broken = lines.clone();
+    broken[9] = "0.16,NaN,1,0,1,0,0,0,0,0";
+    let without = text.replace("q.base.qz", "q.base.zq");
+    for model in [&model, &angles] {
+        let said = told(model, &broken.join("\n"));
+        assert!(said.contains(":10:6: `q.base.x` is NaN"), "{said}");
+        let said = told(model, &without);
+        assert!(said.contains("column `q.base.qz` is missing"), "{said}");
+        assert!(!said.contains("yaw"), "{said}");
+    }
+    let neither = "t,q.wheel,u.motor\n0,0,0\n";
+    assert!(told(&angles, neither).contains("column `q.base.yaw` is missing"));
+
+    // Some velocities of six are no twist.
+    let some = text
+        .replace("u.motor", "v.base.vx")
+        .replace("q.wheel", "q.wheel,u.motor");
+    let some: Vec<String> = some
+        .lines()
+        .enumerate()
+        .map(|(k, line)| match k {
+            0 => line.to_owned(),
+            _ => format!("{line},0"),
+        })
+        .collect();
+    let said = told(&angles, &some.join("\n"));
+    assert!(
+        said.contains("velocities of `base` are not used: all six are needed"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_pose_of_nothing_that_floats_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = satellite(dir.path());
+    let text = std::fs::read_to_string(&path).unwrap();
+    let fixed = text.replace("base = \"floating\"", "pose = \"angles\"");
+    let refused = Model::parse(&path, fixed).err().unwrap().to_string();
+    assert!(
+        refused.contains("none floats: add `base = \"floating\"`"),
+        "{refused}"
+    );
+}

@@ -135,6 +135,8 @@ impl Log {
         };
         match Log::parse(path, &bytes, &with_poses) {
             Ok(measured) => poses.by_angles(measured),
+            // What is wrong with a log of poses, where it is one.
+            Err(error) if poses.are_in(&error) => Err(error),
             Err(_) => log,
         }
     }

@@ -13,6 +13,7 @@ use lagrange::{Field, TextProblem, urdf};
 use super::constraints::{self, ConstraintEntry, Joined};
 use super::document::{Faults, Placed, Section, number};
 use crate::naming::{hint, nearest, quoted};
+use crate::poses::with_poses;
 
 /// A larger URDF is refused.
 const LARGEST_URDF: u64 = 64 << 20;
@@ -143,6 +144,15 @@ fn from_urdf(
         });
     }
     let coordinates = read.tree.coordinates().to_vec();
+    if pose != PoseForm::Quaternion
+        && with_poses(&coordinates) == coordinates
+        && let Some(key) = root.get("pose")
+    {
+        faults.at(
+            key.span().start,
+            "`pose` says how a body that floats is written, and none floats: add `base = \"floating\"`, or leave it out",
+        );
+    }
     let mut friction: Vec<JointFriction> = Vec::new();
     for joint in read.joint_dynamics.iter().filter(|_| use_friction) {
         // A joint that follows another one brakes the coordinate of its leader.

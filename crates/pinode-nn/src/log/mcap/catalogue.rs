@@ -6,6 +6,7 @@ use lagrange::Problem;
 
 use super::messages::{Channel, for_each};
 use super::value::Step;
+use crate::entries::{q_names, v_names};
 use crate::log::{Channels, ColumnMap, Mapping};
 use crate::naming::quoted;
 
@@ -124,17 +125,19 @@ impl Catalogue {
     pub(super) fn map(&self, channels: &Channels) -> Result<ColumnMap, Vec<Problem>> {
         let mut map = channels.columns.clone();
         let mut problems = Vec::new();
-        let of = |prefix: &str, name: &str| (format!("{prefix}.{name}"), name.to_owned());
-        let joints = channels.coordinates.iter().map(|c| c.name.as_str());
-        let velocities = joints.clone().zip(channels.velocities);
-        let signals = (joints.map(|name| of("q", name)))
-            .chain(
-                velocities
-                    .filter(|(_, wanted)| **wanted)
-                    .map(|(name, _)| of("v", name)),
-            )
-            .chain(channels.inputs.iter().map(|name| of("u", name)))
-            .chain([("run".to_owned(), String::new())]);
+        // With the joint that a state of joints would have it under: what stands behind the prefix.
+        let named = |signal: String| {
+            let joint = signal.get(2..).unwrap_or_default().to_owned();
+            (signal, joint)
+        };
+        let wanted = channels.coordinates.iter().zip(channels.velocities);
+        let wanted = wanted.flat_map(|(c, &wanted)| std::iter::repeat_n(wanted, c.nv()));
+        let velocities = v_names(channels.coordinates).into_iter().zip(wanted);
+        let signals = (q_names(channels.coordinates).into_iter())
+            .chain(velocities.filter_map(|(signal, wanted)| wanted.then_some(signal)))
+            .chain(channels.inputs.iter().map(|name| format!("u.{name}")))
+            .chain(["run".to_owned()])
+            .map(named);
         let mut by_local: HashMap<&str, Vec<&Column>> = HashMap::new();
         for column in &self.columns {
             by_local
