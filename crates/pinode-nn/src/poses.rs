@@ -66,6 +66,7 @@ pub fn by_angles(model: &Model, logs: &[Log]) -> Result<(Model, Vec<Log>), Error
 }
 
 /// The state (q, v) of a model with poses at sample `k` of a recording: as measured, and where velocities are not, by the difference of the neighbours.
+#[cfg(feature = "cli")]
 pub(crate) fn measured_state(model: &Model, run: &Run, k: usize) -> Vec<f64> {
     let coordinates = model.mechanics.coordinates();
     let q = |k: usize| -> Vec<f64> {
