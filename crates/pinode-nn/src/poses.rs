@@ -11,6 +11,8 @@ use lagrange::{Coordinate, Problem, Problems};
 
 use crate::Error;
 use crate::entries::{Start, starts};
+#[cfg(feature = "cli")]
+use crate::hybrid::Hybrid;
 use crate::log::{FEWEST_SAMPLES, Log, Run};
 use crate::model::Model;
 use crate::naming::quoted;
@@ -65,7 +67,8 @@ pub fn by_angles(model: &Model, logs: &[Log]) -> Result<(Model, Vec<Log>), Error
     Ok((model.by_angles(poses.angles.roll_axis)?, logs))
 }
 
-/// The state (q, v) of a model with poses at sample `k` of a recording: as measured, and where velocities are not, by the difference of the neighbours.
+/// The state (q, v) of a model with poses at sample `k` of a recording: as measured, and where velocities are not, by the difference of the neighbours;
+/// of coordinates of one number behind what their sensors read.
 #[cfg(feature = "cli")]
 pub(crate) fn measured_state(model: &Model, run: &Run, k: usize) -> Vec<f64> {
     let coordinates = model.mechanics.coordinates();
@@ -89,9 +92,18 @@ pub(crate) fn measured_state(model: &Model, run: &Run, k: usize) -> Vec<f64> {
             *v = column[k];
         }
     }
-    let mut state = q(k);
-    state.extend(v);
-    state
+    let mut q = q(k);
+    let hybrid = Hybrid::of(model);
+    let readings = hybrid.readings(&hybrid.theta(), &[]);
+    for ((coordinate, start), reading) in coordinates.iter().zip(starts(coordinates)).zip(readings)
+    {
+        if !coordinate.floating {
+            q[start.q] = reading.position_of(q[start.q], v[start.v]);
+            v[start.v] /= reading.factor;
+        }
+    }
+    q.extend(v);
+    q
 }
 
 /// How the poses of a model are measured, and how they are written.
