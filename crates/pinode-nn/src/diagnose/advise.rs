@@ -1,13 +1,15 @@
 //! What to do or to record next.
 
+use super::at_rest::Unborne;
 use super::experiment::{Outcome, Split, short};
 use super::misfit::{is_unexplained, strays};
 use super::search::Search;
 use super::study::Study;
 use super::verdict::{
-    Change, FittedConstant, Gap, Moved, NamedEffect, Numerics, Unexplained, Verdict,
+    Change, FittedConstant, Gap, Moved, Name, NamedEffect, Numerics, Unexplained, Verdict,
 };
 use crate::digits::{number, uncertain};
+use crate::hybrid::Hybrid;
 
 /// Delays below this are not told from a lag, s.
 const SHORT_DELAY: f64 = 5e-3;
@@ -128,6 +130,10 @@ pub fn moved(constant: &FittedConstant) -> Option<String> {
             short(constant.tolerances().abs()),
             short(constant.tolerance),
         ),
+        Moved::Within => format!(
+            "{went}, within its tolerance of {}: the data know it better than the model does.",
+            short(constant.tolerance),
+        ),
         Moved::Free => format!(
             "{went}: the model gives it without `fixed = true`, so that it was free to move. Where it is known, fix it: what it then no \
              longer stands in for may be something else that is missing."
@@ -158,6 +164,38 @@ pub fn changing(change: &Change) -> String {
         number(change.before),
         change.t,
         number(change.after),
+    )
+}
+
+/// What to record where the unseen part does not move what a name is about.
+pub fn at_rest(unborne: &Unborne, name: &Name, hybrid: &Hybrid) -> String {
+    let Unborne {
+        candidate,
+        z,
+        moves: [seen, held_out],
+    } = unborne;
+    let (kind, target) = (candidate.kind, candidate.target);
+    let coordinate = &hybrid.mechanics().coordinates()[hybrid.coordinate_of(kind, target)];
+    let signal = match Unborne::follows_input(kind) {
+        true => format!(
+            "`{}` has {} of its {}",
+            name.target,
+            number(*held_out),
+            number(*seen)
+        ),
+        false => format!(
+            "`{}` moves at {} of its {} {}/s",
+            coordinate.name,
+            number(*held_out),
+            number(*seen),
+            coordinate.unit()
+        ),
+    };
+    format!(
+        "{} on `{}` explains what the seen windows lack ({z:.1} standard errors), and the part held out, in which {signal} (root mean square), neither bears it \
+         out nor contradicts it: hold out another log with `--holdout`, or record one that moves to its end.",
+        spoken(&name.kind),
+        name.target,
     )
 }
 

@@ -6,6 +6,7 @@ use super::experiment::CLOSE;
 use super::refine::{
     Contender, FIRST_LOOK, contender, is_imitated, is_sensible, polish, rank, refine_one,
 };
+use super::released::share_beside;
 use super::remainder::Remainder;
 use super::screen::screen;
 use super::step::{LEAST_T2, Report, Step, is_second_choice, lookalikes, simpler};
@@ -204,13 +205,10 @@ pub fn revisit(
             }
             rivals
         };
-        found.push(weigh(
-            study,
-            added[k],
-            &rivals,
-            Comparison::of(current, &reduced),
-            current,
-        ));
+        let comparison = Comparison::of(current, &reduced);
+        let mut weighed = weigh(study, added[k], &rivals, comparison, current);
+        weighed.believe(share_beside(study, &added[k], (current, &reduced)));
+        found.push(weighed);
     }
     found
 }

@@ -156,6 +156,7 @@ impl Study {
         iterations: usize,
     ) -> Fitted {
         let substeps = self.substeps_for(&hybrid, &start.theta);
+        self.count(&hybrid, substeps, state_iterations + iterations);
         let (inside, outside) = match &self.kept {
             Some(kept) => {
                 let key = key(self, &hybrid, &start, [state_iterations, iterations]);

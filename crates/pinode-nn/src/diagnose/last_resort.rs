@@ -18,7 +18,7 @@ use super::setup::Prepared;
 use super::shapes::Follows;
 use super::study::{Comparison, Fitted, Study};
 use super::unexplained::describe;
-use super::verdict::{Learnt, Provenance, Unexplained};
+use super::verdict::{Gap, Learnt, Provenance, Unexplained};
 use crate::digits::number;
 use crate::entries::starts;
 use crate::hybrid::Hybrid;
@@ -73,6 +73,18 @@ pub struct Taught {
     pub law: Option<Law>,
 }
 
+/// A coordinate of which the fits and the free runs leave less than this part of what they leave of the worst, in units of their noises, is not what is off.
+const WITHIN: f64 = 0.25;
+
+/// On which coordinates the model is off: not on those that stay within their noise while another leaves it.
+fn off(study: &Study, fitted: &Fitted, gap: &Gap) -> Vec<bool> {
+    let excess = fitted.excess(&study.observations);
+    let far = gap.coordinates.iter().zip(excess);
+    let far: Vec<f64> = far.map(|(free, excess)| free.after.max(excess)).collect();
+    let most = far.iter().copied().fold(0.0, f64::max);
+    far.into_iter().map(|x| x >= WITHIN * most).collect()
+}
+
 impl<'a> Resort<'a> {
     /// What is left, in words, and what a network would be taught of it. `None` where too little is.
     pub fn of(
@@ -80,7 +92,7 @@ impl<'a> Resort<'a> {
         (study, search): (&'a Study, &Search),
         prepared: &Prepared,
         (masked, inputs): (&Masked, &[String]),
-        interval: f64,
+        (interval, gap): (f64, &Gap),
         seed: u64,
     ) -> Option<(Unexplained, Self)> {
         let (smoothed, half_width) = (&prepared.smoothed, prepared.half_width);
@@ -90,7 +102,13 @@ impl<'a> Resort<'a> {
         let left = search.left.as_ref();
         let there = left.map(|left| coordinates[left.coordinate].name.as_str());
         let named = |force: &&ResidualForce| Some(force.coordinate.as_str()) == there;
-        let force = all.iter().find(named).or(all.first())?;
+        let is_off = off(study, fitted, gap);
+        let moves = |force: &&ResidualForce| {
+            let mut coordinates = coordinates.iter().zip(&is_off);
+            coordinates.any(|(c, off)| c.name == force.coordinate && *off)
+        };
+        let worst = || all.iter().find(moves).or(all.first());
+        let force = all.iter().find(named).or_else(worst)?;
         let c = coordinates
             .iter()
             .position(|c| c.name == force.coordinate)?;

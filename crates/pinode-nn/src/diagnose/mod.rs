@@ -13,6 +13,7 @@
 //!    has not seen and shrinks the gap.
 
 mod advise;
+mod at_rest;
 pub(crate) mod audit;
 mod blows;
 mod candidate;
@@ -34,6 +35,7 @@ mod proof;
 mod pushes;
 mod refine;
 mod regions;
+mod released;
 mod remainder;
 mod rests;
 pub(crate) mod scales;
@@ -231,7 +233,7 @@ pub(crate) fn diagnose_into(
             (study, &search),
             &prepared,
             (&masked, &names),
-            interval,
+            (interval, &proved.gap),
             seed,
         )
     });
@@ -264,6 +266,10 @@ pub(crate) fn diagnose_into(
         unexplained.as_ref(),
         &numerics,
     );
+    if something_is_left && let Some(unborne) = at_rest::unborne(study, &search) {
+        let name = write_up::name(&unborne.candidate, &search.model.hybrid, &names);
+        advice.insert(0, advise::at_rest(&unborne, &name, &search.model.hybrid));
+    }
     if contradicted {
         advice.push(advise::contradicted(&gap));
     }

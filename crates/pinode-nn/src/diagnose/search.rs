@@ -10,13 +10,15 @@ use super::pushes::{is_push, stripped, with_pushes};
 use super::refine::{Contender, is_sensible, rank};
 use super::remainder::Remainder;
 use super::screen;
-use super::step::{LEAST_T2, Report, Step, Turn, accept, is_second_choice, one_step, refine_dear};
+use super::step::{LEAST_T2, Report, Step, Turn, accept, is_second_choice, refine_dear, step_from};
 use super::study::{Comparison, Fitted, RELIEF, Study};
 use crate::shooting::Fit;
 use crate::smoothing::VISIBLE;
 
 /// At most so many effects are named.
 const MOST_EFFECTS: usize = 6;
+/// A rival's way goes on while it has cost no more than so many times the way that it rivals.
+const GENEROUS: u64 = 2;
 /// Iterations of the initial states when pushes are taken away.
 const STATES_ALONE: usize = 5;
 
@@ -25,6 +27,8 @@ const STATES_ALONE: usize = 5;
 pub struct Search {
     /// The model as given, fitted within its tolerances.
     pub null: Fitted,
+    /// The same, with the constants of the mechanism free that the search set free at its start: where it began.
+    pub base: Fitted,
     /// The steps; the last one accepted nothing, unless the search was full.
     pub steps: Vec<Step>,
     /// What was found and stood the test at the end.
@@ -35,7 +39,7 @@ pub struct Search {
     pub study: Study,
     /// The same names with friction that is less sharp, where the search made it sharper, and the study of that.
     pub smooth: Option<(Study, Fitted)>,
-    /// What the model explains that the given one does not, nats.
+    /// What the model explains that the one it began with does not, nats.
     pub gain: f64,
     /// What it leaves, where that follows from anything.
     pub left: Option<Remainder>,
@@ -44,12 +48,12 @@ pub struct Search {
 }
 
 impl Search {
-    /// Takes back what was found: the model is the one given, fitted in `study`.
+    /// Takes back what was found: the model is the one that the search began with, fitted in `study`.
     pub fn withdraw(&mut self, study: &Study) {
         self.study = study.clone();
         self.smooth = None;
         self.found.clear();
-        self.model = self.null.clone();
+        self.model = self.base.clone();
         self.gain = 0.0;
         self.left = self.model.left(study).cloned();
         for step in &mut self.steps {
@@ -65,7 +69,7 @@ impl Search {
 
     /// Takes another fit of the model with what was found, in place of the one that it returns.
     pub fn refitted(&mut self, study: &Study, model: Fitted) -> Fitted {
-        self.gain = Comparison::of(&model, &self.null).total();
+        self.gain = Comparison::of(&model, &self.base).total();
         self.left = model.left(study).cloned();
         self.study = study.clone();
         let before = std::mem::replace(&mut self.model, model);
@@ -91,12 +95,12 @@ impl Search {
         }
     }
 
-    /// What was found beside pushes, as it is without them: constants and errors stay, residuals are those of the model itself. `null` is the
-    /// model as given, fitted without pushes.
-    fn without_pushes(mut self, study: &Study, null: Fitted) -> Self {
+    /// What was found beside pushes, as it is without them: constants and errors stay, residuals are those of the model itself. `base` is
+    /// where the search began, fitted without pushes.
+    fn without_pushes(mut self, study: &Study, base: Fitted) -> Self {
         let errors = OnceLock::from(self.model.standard_errors(study).to_vec());
         let plain = stripped(&self.model);
-        let start = null.start(plain.inside.theta.clone());
+        let start = base.start(plain.inside.theta.clone());
         let alone = study.fit(plain.hybrid.clone(), start, STATES_ALONE, 0);
         self.model = Fitted {
             inside: Fit {
@@ -113,7 +117,7 @@ impl Search {
                 *rival = stripped(rival);
             }
         }
-        self.null = null;
+        self.base = base;
         self.pushed = true;
         self
     }
@@ -148,40 +152,49 @@ pub fn has_names(model: &Fitted, names: &[Candidate]) -> bool {
 ///
 /// Where nothing is found, it is looked for again beside pushes from outside, if there are any.
 pub fn search(study: &Study, null: Fitted, seed: u64, report: Report) -> Search {
-    let first = one_step(study, &null, Turn::First, seed, report);
-    if first.accepted.is_some() {
-        return search_from(study, null, first, seed, report);
-    }
+    let (base, first) = step_from(study, null.clone(), Turn::First, seed, report);
+    let found = if first.accepted.is_some() {
+        search_from(study, base, first, seed, report)
+    } else {
+        search_again(study, base, first, seed, report)
+    };
+    Search { null, ..found }
+}
+
+/// The search where the `first` step has accepted nothing.
+fn search_again(study: &Study, base: Fitted, first: Step, seed: u64, report: Report) -> Search {
     report("asking whether pushes from outside hide anything");
-    let pushed = with_pushes(study, &null);
-    let base = pushed.as_ref().unwrap_or(&null);
-    let again = one_step(study, base, Turn::Again, seed, report);
+    let pushed = with_pushes(study, &base);
+    let start = pushed.as_ref().unwrap_or(&base);
+    let (start, again) = step_from(study, start.clone(), Turn::Again, seed, report);
     match pushed {
-        None => search_from(study, null, again, seed, report),
-        Some(pushed) if again.accepted.is_some() => {
-            search_from(study, pushed, again, seed, report).without_pushes(study, null)
+        None => search_from(study, start, again, seed, report),
+        Some(_) if again.accepted.is_some() => {
+            search_from(study, start, again, seed, report).without_pushes(study, base)
         }
         // What was tried on the model as given is what is told.
-        Some(_) => search_from(study, null, first, seed, report),
+        Some(_) => search_from(study, base, first, seed, report),
     }
 }
 
 /// The search after its `first` step.
-fn search_from(study: &Study, null: Fitted, first: Step, seed: u64, report: Report) -> Search {
-    let mut path = Path::new(study, null.clone(), first.clone());
+fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Report) -> Search {
+    let mut path = Path::new(study, base.clone(), first.clone());
+    let begun = study.work();
     if let Some(k) = first.accepted {
-        path.follow(&null, k, seed, report);
+        path.follow(&base, k, u64::MAX, seed, report);
     }
+    let most = GENEROUS * (study.work() - begun);
     let many = path.at.added.len() > 1;
-    let shown = |k: &usize| holds(study, &null, &first.contenders[*k]);
-    let rivals = rivals_of_the_first(&first, &null).into_iter();
+    let shown = |k: &usize| holds(study, &base, &first.contenders[*k]);
+    let rivals = rivals_of_the_first(&first, &base).into_iter();
     for k in rivals.filter(|k| many || shown(k)) {
         report(&format!(
             "following {} instead",
             first.contenders[k].added[0].kind.name
         ));
-        let mut other = Path::new(study, null.clone(), first.clone());
-        other.follow(&null, k, seed, report);
+        let mut other = Path::new(study, base.clone(), first.clone());
+        other.follow(&base, k, most, seed, report);
         if other.beats(&path) {
             path = other;
         }
@@ -192,18 +205,19 @@ fn search_from(study: &Study, null: Fitted, first: Step, seed: u64, report: Repo
     let rubs = left.is_some_and(Remainder::may_be_friction);
     if !path.at.added.is_empty() && simple && rubs {
         report("asking for friction with a memory instead");
-        let screened = screen::screen(study, &null, is_second_choice).ranked;
+        let screened = screen::screen(study, &base, is_second_choice).ranked;
         let promising = screened.iter().filter(|s| s.t2 > LEAST_T2.0);
-        let mut contenders = refine_dear(study, &null, promising, report);
+        let mut contenders = refine_dear(study, &base, promising, report);
         rank(&mut contenders, seed);
-        if let Some(k) = accept(study, &null, &mut contenders, seed) {
+        if let Some(k) = accept(study, &base, &mut contenders, seed) {
             let step = Step {
                 screened,
                 contenders,
                 accepted: Some(k),
+                released: None,
             };
-            let mut other = Path::new(study, null.clone(), step);
-            other.follow(&null, k, seed, report);
+            let mut other = Path::new(study, base.clone(), step);
+            other.follow(&base, k, most, seed, report);
             if other.beats(&path) {
                 path = other;
             }
@@ -218,7 +232,7 @@ fn search_from(study: &Study, null: Fitted, first: Step, seed: u64, report: Repo
     } = path.at;
     let mut found = revisit(
         &study,
-        &null,
+        &base,
         &mut current,
         &mut added,
         &steps,
@@ -227,13 +241,14 @@ fn search_from(study: &Study, null: Fitted, first: Step, seed: u64, report: Repo
     );
     report("asking whether what is left follows from anything");
     let left = current.left(&study).cloned();
-    let explained = explained(&study, &null, &current);
+    let explained = explained(&study, &base, &current);
     for found in &mut found {
         found.believe(explained.min(found.share_beside(left.as_ref())));
     }
     Search {
-        gain: Comparison::of(&current, &null).total(),
-        null,
+        gain: Comparison::of(&current, &base).total(),
+        null: base.clone(),
+        base,
         steps,
         found,
         smooth: smooth.filter(|(_, model)| has_names(model, &added)),
@@ -322,8 +337,9 @@ impl Path {
         }
     }
 
-    /// Takes contender `k` of the first step and goes on until nothing is accepted.
-    fn follow(&mut self, null: &Fitted, k: usize, seed: u64, report: Report) {
+    /// Takes contender `k` of the first step and goes on until nothing is accepted, or more work than `most` is done.
+    fn follow(&mut self, null: &Fitted, k: usize, most: u64, seed: u64, report: Report) {
+        let begun = self.at.study.work();
         let mut next = Some(k);
         let mut before: Vec<Vec<Candidate>> = vec![self.at.added.clone()];
         while let Some(k) = next {
@@ -348,11 +364,12 @@ impl Path {
                 break;
             }
             before.push(added.clone());
-            if added.len() >= MOST_EFFECTS {
+            if added.len() >= MOST_EFFECTS || self.at.study.work() - begun > most {
                 break;
             }
-            let Place { study, current, .. } = &self.at;
-            let step = one_step(study, current, Turn::Further, seed, report);
+            let at = self.at.current.clone();
+            let (current, step) = step_from(&self.at.study, at, Turn::Further, seed, report);
+            self.at.current = current;
             next = step.accepted;
             self.steps.push(step);
         }

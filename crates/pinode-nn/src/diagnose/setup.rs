@@ -125,6 +125,7 @@ pub fn prepare(
         may_sharpen: model.effects.iter().all(|e| e.smoothing.is_none()),
         without: means.without.clone(),
         kept: means.kept.clone(),
+        work: Arc::default(),
         observations,
         windows,
     };

@@ -1,5 +1,6 @@
 //! The data under study, and models fitted to it.
 
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use super::kept::Kept;
@@ -53,6 +54,8 @@ pub struct Study {
     pub without: Vec<&'static Kind>,
     /// Where finished fits are kept.
     pub kept: Option<Arc<Kept>>,
+    /// What all fits might have cost so far, in integration steps of one state or constant: the same on any machine, and where they were kept.
+    pub work: Arc<AtomicU64>,
 }
 
 /// A model fitted to the seen windows, and its initial states (only those) to the windows held out.
@@ -242,6 +245,19 @@ impl Comparison {
 }
 
 impl Study {
+    /// What all fits might have cost so far.
+    pub fn work(&self) -> u64 {
+        self.work.load(Ordering::Relaxed)
+    }
+
+    /// Counts a fit of so many iterations.
+    pub(super) fn count(&self, hybrid: &Hybrid, substeps: usize, iterations: usize) {
+        let samples: usize = self.windows.fit.iter().map(|w| w.count).sum();
+        let columns = hybrid.nx() + hybrid.free().len();
+        let steps = samples * substeps * columns * iterations;
+        self.work.fetch_add(steps as u64, Ordering::Relaxed);
+    }
+
     /// Integration steps per log sample for a model at θ: more than else where an effect with a memory is fast, or a stop hard.
     pub fn substeps_for(&self, hybrid: &Hybrid, theta: &[f64]) -> usize {
         let memory = hybrid.fastest_memory(theta, &self.scales);

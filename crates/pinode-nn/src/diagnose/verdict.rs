@@ -491,22 +491,27 @@ impl FittedConstant {
 
     /// How it left what the model gives, if it did.
     pub fn moved(&self) -> Option<Moved> {
-        if self.tolerance.is_finite() {
-            return (self.tolerances().abs() > STRETCHED).then_some(Moved::Stretched);
+        let known = self.tolerance.is_finite();
+        if known && self.tolerances().abs() > STRETCHED {
+            return Some(Moved::Stretched);
         }
         let by = (self.fitted - self.given).abs();
         let far = by > FAR * self.given.abs();
-        match self.std {
+        let surely = |std: f64| by > SURELY * std;
+        match (self.std, known) {
             _ if !far => None,
-            None => Some(Moved::Undetermined),
-            Some(std) => (by > SURELY * std).then_some(Moved::Free),
+            // A part of nothing, as of a sensor's zero, is no measure.
+            (Some(std), true) => (self.given != 0.0 && surely(std)).then_some(Moved::Within),
+            (Some(std), false) => surely(std).then_some(Moved::Free),
+            (None, true) => None,
+            (None, false) => Some(Moved::Undetermined),
         }
     }
 }
 
 /// A constant that a fit has stretched by more tolerances than this has left them: one in four hundred is as far off.
 const STRETCHED: f64 = 3.0;
-/// One without a tolerance has left its value when it is off by this part of it, and by so many standard errors.
+/// One within its tolerance, or without one, has left its value when it is off by this part of it, and by so many standard errors.
 const FAR: f64 = 0.2;
 const SURELY: f64 = 4.0;
 
@@ -515,6 +520,8 @@ const SURELY: f64 = 4.0;
 pub enum Moved {
     /// Beyond its tolerance.
     Stretched,
+    /// Far, within a wide tolerance.
+    Within,
     /// It has no tolerance, and the data want another value.
     Free,
     /// It has no tolerance, and the data do not determine it.

@@ -194,7 +194,7 @@ pub fn effects(
         .collect()
 }
 
-fn name(candidate: &Candidate, hybrid: &Hybrid, inputs: &[String]) -> Name {
+pub fn name(candidate: &Candidate, hybrid: &Hybrid, inputs: &[String]) -> Name {
     Name {
         kind: candidate.kind.name.into(),
         target: candidate.target_name(hybrid, inputs).into(),
@@ -219,36 +219,28 @@ pub fn constants((study, search): (&Study, &Search), inputs: &[String]) -> Vec<F
         let placed = fitted.hybrid.effects()[effect];
         search.found.iter().any(|f| f.candidate.is(&placed))
     };
-    fitted
-        .inside
-        .free
-        .iter()
-        .filter_map(|&i| {
-            let constant = &fitted.hybrid.constants()[i];
-            match constant.id {
-                ConstantId::Effect(e, _) if is_found(e) => return None,
-                ConstantId::Network(..) => return None,
-                _ => {}
-            }
-            Some(FittedConstant {
-                name: fitted.hybrid.describe(i, inputs),
-                // Known effects carry the value they were last placed with; the null model has the one given.
-                given: search
-                    .null
-                    .hybrid
-                    .constants()
-                    .iter()
-                    .enumerate()
-                    .find(|&(k, _)| {
-                        search.null.hybrid.describe(k, inputs) == fitted.hybrid.describe(i, inputs)
-                    })
-                    .map_or(constant.value, |(_, c)| c.value),
-                fitted: fitted.inside.theta[i],
-                std: errors.at(i),
-                tolerance: constant.tolerance,
-            })
+    let null = &search.null.hybrid;
+    let moved = fitted.inside.free.iter().filter_map(|&i| {
+        let constant = &fitted.hybrid.constants()[i];
+        match constant.id {
+            ConstantId::Effect(e, _) if is_found(e) => return None,
+            ConstantId::Network(..) => return None,
+            _ => {}
+        }
+        let name = fitted.hybrid.describe(i, inputs);
+        // Known effects carry the value they were last placed with, and a constant that was released has no tolerance; the null model has both.
+        let of_null = |k: &usize| null.describe(*k, inputs) == name;
+        let given = (0..null.constants().len()).find(of_null);
+        let given = given.map_or(constant, |k| &null.constants()[k]);
+        Some(FittedConstant {
+            name,
+            given: given.value,
+            fitted: fitted.inside.theta[i],
+            std: errors.at(i),
+            tolerance: given.tolerance,
         })
-        .collect()
+    });
+    moved.collect()
 }
 
 /// The steps of the search.

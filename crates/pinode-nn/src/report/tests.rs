@@ -534,6 +534,12 @@ fn every_verdict_is_a_sentence() {
     assert!(verdict_in_words(&d).starts_with(
         "Nothing is missing: the model explains the data when the mass of cart is 0.4900 ± 0.0021."
     ));
+    // Far, within a wide tolerance, is worth a word too.
+    for (fitted, far) in [(0.49, false), (0.38, true)] {
+        d.constants[0].fitted = fitted;
+        d.constants[0].tolerance = 0.2;
+        assert_eq!(verdict_in_words(&d).contains(" when the mass"), far);
+    }
     d.gap.after = f64::NAN;
     d.verdict = Verdict::Unexplained;
     assert_eq!(

@@ -69,6 +69,17 @@ impl Fit {
         errors
     }
 
+    /// Standard errors of θ_free by the information alone, the diagonal of I⁻¹: as if no residuals hung together. Infinite where nothing moves a constant.
+    pub fn nominal_errors(&self) -> Vec<f64> {
+        let mut errors = vec![f64::INFINITY; self.free.len()];
+        if let Some((moving, inverse)) = self.inverse() {
+            for (i, &k) in moving.iter().enumerate() {
+                errors[k] = inverse[(i, i)].sqrt();
+            }
+        }
+        errors
+    }
+
     /// By how much each of the first `windows` windows moves θ_free, I⁻¹ g̃ of [`standard_errors`](Self::standard_errors): 0 where its equations
     /// failed, and of a constant that moves nothing. Empty where the information cannot be inverted.
     pub fn influences(&self, windows: usize) -> Vec<DVector<f64>> {

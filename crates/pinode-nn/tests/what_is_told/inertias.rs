@@ -63,13 +63,18 @@ fn block() -> Log {
             v += h / 6.0 * (a.1 + 2.0 * b.1 + 2.0 * c.1 + d.1);
         }
     }
+    log_of(t, vec![q], u)
+}
+
+/// One recording of positions.
+fn log_of(t: Vec<f64>, q: Vec<Vec<f64>>, u: Vec<f64>) -> Log {
     Log {
         path: "log.csv".into(),
         sha256: String::new(),
         runs: vec![Run {
             id: "0".into(),
-            q: vec![q],
-            v: vec![None],
+            v: vec![None; q.len()],
+            q,
             u: vec![u],
             t,
         }],
@@ -130,4 +135,89 @@ fn a_block_that_is_lighter_than_its_model_is_told_so_and_the_new_model_can_be_re
     assert!(Model::parse(&path, less(-0.85)).is_ok());
     let refused = Model::parse(&path, less(-0.95)).err().unwrap().to_string();
     assert!(refused.contains("at least -0.9 kg"), "{refused}");
+}
+
+const CART: f64 = 1.0;
+const POLE: f64 = 0.3;
+const LENGTH: f64 = 0.25;
+const RUBS: [f64; 2] = [2.0, 4e-3];
+
+/// A cart with a pole that hangs from it, of this mass and the inertia about its centre of a rod's, 60 s at 50 Hz, u held:
+/// (M + m) ẍ + m l (φ̈ cos φ − φ̇² sin φ) = u − c ẋ and (J + m l²) φ̈ + m l ẍ cos φ + m g l sin φ = −b φ̇.
+fn cart_with_a_pole_of(mass: f64) -> Log {
+    let mut draws = ChaCha8Rng::seed_from_u64(23);
+    let mut noise = || -> f64 { StandardNormal.sample(&mut draws) };
+    let t: Vec<f64> = (0..3000).map(|k| 0.02 * f64::from(k)).collect();
+    let force =
+        |t: f64| 3.0 * (1.9 * t).sin() + 4.0 * (4.3 * t + 1.0).sin() + 4.0 * (7.7 * t + 2.0).cos();
+    let u: Vec<f64> = t.iter().map(|&t| force(t)).collect();
+    let (first, about) = (mass * LENGTH, mass * LENGTH * LENGTH * 4.0 / 3.0);
+    let rate = |[_, phi, v, w]: [f64; 4], u: f64| {
+        let (sin, cos) = phi.sin_cos();
+        let push = u - RUBS[0] * v + first * w * w * sin;
+        let turn = -RUBS[1] * w - first * 9.81 * sin;
+        let determinant = (CART + mass) * about - (first * cos).powi(2);
+        let a = (push * about - turn * first * cos) / determinant;
+        let alpha = (turn * (CART + mass) - push * first * cos) / determinant;
+        [v, w, a, alpha]
+    };
+    let mut s = [0.0, 0.1, 0.0, 0.0];
+    let mut q = vec![Vec::new(), Vec::new()];
+    for &u in &u {
+        q[0].push(s[0] + 3e-4 * noise());
+        q[1].push(s[1] + 1e-3 * noise());
+        for _ in 0..20 {
+            let h = 1e-3;
+            let ahead = |by: f64, k: [f64; 4]| [0, 1, 2, 3].map(|i| s[i] + by * k[i]);
+            let a = rate(s, u);
+            let b = rate(ahead(0.5 * h, a), u);
+            let c = rate(ahead(0.5 * h, b), u);
+            let d = rate(ahead(h, c), u);
+            s = [0, 1, 2, 3].map(|i| s[i] + h / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i]));
+        }
+    }
+    log_of(t, q, u)
+}
+
+/// Its mass and its inertia: gain, masses and frictions that all move a little would do the same.
+#[test]
+fn a_link_that_is_lighter_as_a_whole_is_a_constant_and_no_gain_error() {
+    let inertia = POLE * LENGTH * LENGTH / 3.0;
+    let dir = tempfile::tempdir().unwrap();
+    let urdf = format!(
+        r#"<robot name="cartpole"><link name="rail"/>
+  <link name="cart"><inertial><mass value="{CART}"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+  <link name="pole"><inertial><origin xyz="0 0 -{LENGTH}"/><mass value="{POLE}"/>
+    <inertia ixx="{inertia}" ixy="0" ixz="0" iyy="{inertia}" iyz="0" izz="{inertia}"/></inertial></link>
+  <joint name="slide" type="prismatic"><parent link="rail"/><child link="cart"/><axis xyz="1 0 0"/>
+    <limit lower="-99" upper="99" effort="99" velocity="99"/></joint>
+  <joint name="hinge" type="continuous"><parent link="cart"/><child link="pole"/><axis xyz="0 -1 0"/></joint></robot>"#
+    );
+    std::fs::write(dir.path().join("cartpole.urdf"), urdf).unwrap();
+    let [slide, hinge] = RUBS;
+    let text = format!(
+        "urdf = \"cartpole.urdf\"\n[[input]]\nname = \"motor\"\njoint = \"slide\"\n\
+         [[effect]]\nkind = \"viscous_friction\"\njoint = \"slide\"\ncoefficient = {slide}\n\
+         [[effect]]\nkind = \"viscous_friction\"\njoint = \"hinge\"\ncoefficient = {hinge}\n"
+    );
+    let given = Model::parse(&dir.path().join("cartpole.toml"), text).unwrap();
+    for share in [0.8, 1.25] {
+        let found = diagnosed(&given, cart_with_a_pole_of(share * POLE));
+        assert!(found.effects.is_empty(), "{share}: {:?}", found.effects);
+        let of = |name: &str| {
+            let mut constants = found.constants.iter();
+            constants.find(|c| c.name.contains(name)).unwrap()
+        };
+        let pole = of("mass scale of `pole`");
+        let off = (pole.fitted - share).abs();
+        assert!(off < 3.0 * pole.std.unwrap() && off < 0.02, "{pole:?}");
+        assert!(
+            advises(&found, "mass scale of `pole`"),
+            "{:?}",
+            found.advice
+        );
+        let cart = of("mass scale of `cart`");
+        assert!(cart.tolerances().abs() < 2.0, "{cart:?}");
+        assert!(found.gap.after < 2.0, "{:?}", found.gap);
+    }
 }

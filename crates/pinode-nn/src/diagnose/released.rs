@@ -1,0 +1,84 @@
+//! One constant of the mechanism that is not what the model says.
+//!
+//! A body that is heavier as a whole, its inertia in proportion, is no effect: a fit takes it as a mass scale, within its tolerance. Where that is narrow,
+//! all other masses, the gains and whatever is free give a little each instead, and a name that frees one of those is accepted for the tolerances
+//! that it relieves. The constant itself, with its tolerance set aside, is that name's rival.
+
+use rayon::prelude::*;
+
+use super::candidate::Candidate;
+use super::refine::{Contender, ITERATIONS, best};
+use super::study::{Comparison, Fitted, RELIEF, Study};
+use crate::effect::Action;
+use crate::hybrid::ConstantId;
+
+/// So many constants are tried, those first whose release promises most.
+const TRIED: usize = 2;
+/// A name gives way to a constant that explains more by so many nats: iterations end as far apart.
+const AHEAD: f64 = 1.0;
+/// … and one that says of a body or a joint what the scale of a body says, that its inertia is another, by so many: twenty to one.
+const AHEAD_OF_INERTIA: f64 = 3.0;
+
+/// The model with the tolerance of one constant of its mechanism set aside, the one that explains most; `None` where the fit does not stretch
+/// its tolerances so far that their relief would speak for anything.
+///
+/// Of a constant that is d from its value with the tolerance τ and the standard error s, its release promises d²/2(τ² − s²).
+pub fn released(study: &Study, current: &Fitted) -> Option<Fitted> {
+    let fit = &current.inside;
+    if fit.stretch <= RELIEF {
+        return None;
+    }
+    let spread = fit.nominal_errors();
+    let constants = current.hybrid.constants();
+    let promise = |(&i, spread): (&usize, f64)| {
+        let constant = &constants[i];
+        let is_of_mechanism = matches!(constant.id, ConstantId::Mechanics(_));
+        let far = fit.theta[i] - constant.value;
+        let promised = 0.5 * far.powi(2) / (constant.tolerance.powi(2) - spread.powi(2));
+        (is_of_mechanism && constant.tolerance.is_finite() && promised > RELIEF)
+            .then_some((i, promised))
+    };
+    let mut promising: Vec<(usize, f64)> =
+        fit.free.iter().zip(spread).filter_map(promise).collect();
+    promising.sort_by(|a, b| b.1.total_cmp(&a.1));
+    promising.truncate(TRIED);
+    let fits = promising.par_iter().map(|&(i, _)| {
+        let mut hybrid = current.hybrid.clone();
+        hybrid.constants_mut()[i].tolerance = f64::INFINITY;
+        let start = current.start(fit.theta.clone());
+        study.fit(hybrid, start, 1, ITERATIONS)
+    });
+    best(fits.collect()).filter(|fitted| Comparison::of(fitted, current).relieves())
+}
+
+/// Whether a name does what the scale of a body does: it says that the inertia of a body, or of a joint, is another.
+fn is_inertia(candidate: &Candidate) -> bool {
+    matches!(candidate.kind.action, Action::Inertial(_))
+}
+
+/// Whether a constant, `released`, explains more than a contender that stands by the tolerances that it relieves.
+pub fn takes_the_place(released: &Fitted, contender: &Contender) -> bool {
+    let ahead = match contender.added.iter().all(is_inertia) {
+        true => AHEAD_OF_INERTIA,
+        false => AHEAD,
+    };
+    !contender.comparison.explains() && released.score(1) > contender.score + ahead
+}
+
+/// The probability of a name beside the constant that would explain as much of what `reduced`, the model without it, lacks; 1 where the windows
+/// themselves speak for the name, and where it says the same.
+pub fn share_beside(
+    study: &Study,
+    candidate: &Candidate,
+    (current, reduced): (&Fitted, &Fitted),
+) -> f64 {
+    if is_inertia(candidate) || Comparison::of(current, reduced).explains() {
+        return 1.0;
+    }
+    released(study, reduced).map_or(1.0, |released| {
+        let (own, other) = (&current.inside.free, &reduced.inside.free);
+        let more = own.len().saturating_sub(other.len());
+        let behind = released.score(1) - current.score(more);
+        1.0 / (1.0 + behind.exp())
+    })
+}
