@@ -17,7 +17,8 @@
 //! `/joint_states.position[slider]`. A field that is called as a signal (`q.slider`) is that signal, and where one topic has the type
 //! `sensor_msgs/msg/JointState` its positions and velocities are those of the coordinates with these names; all else is mapped by
 //! `[log.columns]`. The rows are at the messages that hold the position of the first coordinate: other positions and velocities are
-//! interpolated between their messages, with a warning, and an input is that of the last message until then. Rows at which a signal
+//! interpolated between their messages (orientations on the shorter arc, whichever of q and −q was sent), with a warning, and an input is that of the last
+//! message until then. Rows at which a signal
 //! has no value yet, or no longer, are left out, with a warning.
 
 mod columns;

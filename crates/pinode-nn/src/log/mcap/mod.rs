@@ -2,7 +2,7 @@
 //!
 //! Every number in a message is a column, `<topic>.<field>.<subfield>`, `[k]` for the elements of arrays and `[<name>]` where there is
 //! an array of names beside: `/joint_states.position[slider]`. The rows of the log are at the messages with the position of the first
-//! coordinate; other positions and velocities lie on lines between their neighbours, inputs are held.
+//! coordinate; other positions and velocities lie on lines between their neighbours (orientations on arcs), inputs are held.
 
 mod catalogue;
 mod cdr;
@@ -13,6 +13,7 @@ mod readings;
 mod ros2msg;
 mod series;
 mod table;
+mod turn;
 mod value;
 
 use std::path::Path;
