@@ -8,9 +8,11 @@
 //!
 //! | format | columns | times | a fault is told by |
 //! |---|---|---|---|
-//! | CSV in UTF-8 | those of the header | `t`, s | line and column |
-//! | Parquet (feature `parquet`) | numbers, decimals, switches, text; the fields of structures as `a.b`, but no lists | `t`, s, or stamps, which become seconds since the first | row, from 1 |
+//! | CSV in UTF-8 | those of the header | `t`, s; whole numbers that begin long ago, as those since 1970, become seconds since the first | line and column |
+//! | Parquet (feature `parquet`) | numbers, decimals, switches, text; the fields of structures as `a.b`, but no lists | as in CSV, or stamps, which become seconds since the first | row, from 1 |
 //! | MCAP (feature `mcap`) | the numbers in messages, `<topic>.<field>.<subfield>` | `header.stamp` of a message, else when it was logged; s since the first row | topic and time |
+//!
+//! Times that cannot be in seconds are refused with the unit that they seem to be in; `[log.columns]` says it, as the `scale` of `t`.
 //!
 //! Messages of an MCAP file are read in JSON, and in CDR with definitions of ROS 2 (`ros2msg`); other topics are left out with a
 //! warning. The elements of an array are `[0]`, `[1]`, …, or have the names that stand beside it, as in
@@ -32,6 +34,7 @@ mod mcap;
 mod parquet;
 mod read;
 mod rows;
+mod unit;
 
 use std::path::{Path, PathBuf};
 
