@@ -10,7 +10,7 @@ use lagrange::mechanism::{Angles, Axis, PoseForm};
 use lagrange::{Coordinate, Problem, Problems};
 
 use crate::Error;
-use crate::entries::{Start, starts};
+use crate::entries::{Start, q_names, starts};
 #[cfg(feature = "cli")]
 use crate::hybrid::Hybrid;
 use crate::log::{FEWEST_SAMPLES, Log, Run};
@@ -132,21 +132,13 @@ impl Poses {
         &self.coordinates
     }
 
-    /// Whether a log that was refused for `error` has a quaternion, or a part of one: it is not missing as a whole.
-    pub fn are_in(&self, error: &Error) -> bool {
-        let said = error.to_string();
-        let lacks = |name: &str, part| {
-            said.contains(&format!("`q.{name}.{part}` is missing"))
-                || said.contains(&format!(
-                    "(for q.{name}.{part}, by [log.columns]) is missing"
-                ))
-        };
-        let mut poses = self.poses();
-        poses.any(|(c, _)| {
-            !["qw", "qx", "qy", "qz"]
-                .into_iter()
-                .all(|part| lacks(&c.name, part))
-        })
+    /// Whether a quaternion, or a part of one, is among these signals.
+    pub fn are_among(&self, signals: &[String]) -> bool {
+        let names = q_names(&self.coordinates);
+        let mut parts = self
+            .poses()
+            .flat_map(|(_, start)| &names[start.q + 3..start.q + 7]);
+        parts.any(|part| signals.contains(part))
     }
 
     /// What holds of the coordinates, where six are a pose: of all of these.

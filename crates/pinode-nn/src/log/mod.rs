@@ -137,11 +137,10 @@ impl Log {
             velocities: &velocities,
             ..channels
         };
-        match Log::parse(path, &bytes, &with_poses) {
-            Ok(measured) => poses.by_angles(measured),
-            // What is wrong with a log of poses, where it is one.
-            Err(error) if poses.are_in(&error) => Err(error),
-            Err(_) => log,
+        // What is wrong with a log of poses is said of their columns, and with others of the angles'.
+        match poses.are_among(&read::positions(path, &bytes, &with_poses)) {
+            true => poses.by_angles(Log::parse(path, &bytes, &with_poses)?),
+            false => log,
         }
     }
 
