@@ -115,8 +115,29 @@ fn check_says_what_a_pose_and_a_planar_joint_are_made_of() {
     let document = printed(&pinode(&stone, &["check", "--json", "m.toml"]));
     let base = &document["coordinates"][0];
     assert_eq!((&base["nq"], &base["nv"]), (&json!(7), &json!(6)));
+    assert_eq!(
+        (&document["pose"], &document["roll_axis"]),
+        (&json!("quaternion"), &json!(null))
+    );
+
+    let stone = folder(STONE, "base = 'floating'\npose = 'angles'\nroll_axis = 'y'");
+    let output = pinode(&stone, &["check", "m.toml"]);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        text.contains("roll about the y axis of the body (`roll_axis`)"),
+        "{text}"
+    );
+    let document = printed(&pinode(&stone, &["check", "--json", "m.toml"]));
+    assert_eq!(
+        (&document["pose"], &document["roll_axis"]),
+        (&json!("angles"), &json!("y"))
+    );
 
     let puck = folder(PUCK, "");
+    assert_eq!(
+        printed(&pinode(&puck, &["check", "--json", "m.toml"]))["pose"],
+        json!(null)
+    );
     let output = pinode(&puck, &["check", "m.toml"]);
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     for words in [
