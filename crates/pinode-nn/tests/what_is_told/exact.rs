@@ -32,7 +32,7 @@ fn dry_friction_beside_exact_velocities_is_all_that_is_found() {
     assert!(found.unexplained.is_none(), "{:?}", found.unexplained);
 }
 
-/// A network lowered what is held out to a half, where it does to a twentieth without the velocities.
+/// A network lowered what is held out to a fifth, where it does to a fiftieth beside what a sensor might read.
 #[test]
 fn a_network_learns_from_exact_velocities_beside_noisy_positions() {
     let log = log_of_both(NOISE, 22, |_, [_, v], u| u - VISCOUS * v + lacking(v));
@@ -55,5 +55,5 @@ fn a_network_learns_from_exact_velocities_beside_noisy_positions() {
         .map(|epoch| epoch.held_out)
         .fold(f64::INFINITY, f64::min);
     let without = trained.without_network.unwrap();
-    assert!(best < 0.25 * without, "{best} {without}");
+    assert!(best < 0.1 * without, "{best} {without}");
 }
