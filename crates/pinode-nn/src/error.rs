@@ -90,6 +90,27 @@ pub enum Error {
         #[source]
         cause: lagrange::Error,
     },
+    /// A simulation comes to where the angles fail that a pose is written by.
+    #[error(
+        "run `{run}`: `{coordinate}` is {pitch:.3} rad at t = {time} s, and the simulation stops: the {roll_axis} axis of the body, which roll is about, is \
+         within 9° of the vertical, where the angles of `pose = \"angles\"` fail ({cause}); take a `roll_axis` that stays away from there, or \
+         `pose = \"quaternion\"`, which fails nowhere"
+    )]
+    Upright {
+        /// The recording.
+        run: String,
+        /// The angle.
+        coordinate: String,
+        /// Its value, rad.
+        pitch: f64,
+        /// The sample that is nearest to where they fail, s.
+        time: f64,
+        /// The axis of the body that roll is about.
+        roll_axis: &'static str,
+        /// What stopped it.
+        #[source]
+        cause: Box<Error>,
+    },
     /// The equations of an implicit step have not been solved in a simulation.
     #[error(
         "the simulation stops after t = {time} s of run `{run}`: the equations of the next step were not solved in {iterations} \

@@ -10,7 +10,7 @@ use lagrange::mechanism::{Angles, Axis, PoseForm};
 use lagrange::{Coordinate, Problem, Problems};
 
 use crate::Error;
-use crate::entries::{Start, starts};
+use crate::entries::{Start, q_names, starts};
 #[cfg(feature = "cli")]
 use crate::hybrid::Hybrid;
 use crate::log::{FEWEST_SAMPLES, Log, Run};
@@ -106,6 +106,72 @@ pub(crate) fn measured_state(model: &Model, run: &Run, k: usize) -> Vec<f64> {
     q
 }
 
+/// A sample of a motion at which the angles of a pose are near where they fail.
+#[cfg(feature = "cli")]
+pub(crate) struct Upright {
+    /// The angle, and its value, rad.
+    coordinate: String,
+    pitch: f64,
+    /// s
+    time: f64,
+    roll_axis: Axis,
+}
+
+#[cfg(feature = "cli")]
+impl Upright {
+    /// The nearest of these states at the times `t`; `None` where none is near, and of a model without angles.
+    pub fn of(model: &Model, t: &[f64], states: &[Vec<f64>]) -> Option<Self> {
+        let poses = Poses::of(model)?;
+        let roll_axis = poses.angles.roll_axis;
+        let pitches = poses.poses().filter_map(|(_, start)| {
+            // By angles there are as many entries in q as in v.
+            let index = start.v + 4;
+            Some((index, model.mechanics.coordinates().get(index)?))
+        });
+        let all = pitches.flat_map(|(index, coordinate)| {
+            let samples = t.iter().zip(states);
+            samples.filter_map(move |(&time, state)| {
+                Some(Upright {
+                    coordinate: coordinate.name.clone(),
+                    pitch: *state.get(index)?,
+                    time,
+                    roll_axis,
+                })
+            })
+        });
+        let nearest = all.min_by(|a, b| a.steepness().total_cmp(&b.steepness()));
+        nearest.filter(|nearest| nearest.steepness() < LEAST_STEEPNESS)
+    }
+
+    fn steepness(&self) -> f64 {
+        self.pitch.cos().abs()
+    }
+
+    /// What a simulation of `run` that is stopped there has come to.
+    pub fn stops(self, run: &str, cause: Error) -> Error {
+        Error::Upright {
+            run: run.to_owned(),
+            coordinate: self.coordinate,
+            pitch: self.pitch,
+            time: self.time,
+            roll_axis: self.roll_axis.name(),
+            cause: Box::new(cause),
+        }
+    }
+
+    /// What should be known of a simulation of `run` that passes there.
+    pub fn warning(&self, run: &str) -> String {
+        format!(
+            "run `{run}`: `{}` is {:.3} rad at t = {} s: the {} axis of the body, which roll is about, is within 9° of the vertical, where the angles of \
+             `pose = \"angles\"` fail and steps lose their accuracy; take a `roll_axis` that stays away from there, or `pose = \"quaternion\"`",
+            self.coordinate,
+            self.pitch,
+            self.time,
+            self.roll_axis.name()
+        )
+    }
+}
+
 /// How the poses of a model are measured, and how they are written.
 pub(crate) struct Poses {
     angles: Angles,
@@ -132,21 +198,13 @@ impl Poses {
         &self.coordinates
     }
 
-    /// Whether a log that was refused for `error` has a quaternion, or a part of one: it is not missing as a whole.
-    pub fn are_in(&self, error: &Error) -> bool {
-        let said = error.to_string();
-        let lacks = |name: &str, part| {
-            said.contains(&format!("`q.{name}.{part}` is missing"))
-                || said.contains(&format!(
-                    "(for q.{name}.{part}, by [log.columns]) is missing"
-                ))
-        };
-        let mut poses = self.poses();
-        poses.any(|(c, _)| {
-            !["qw", "qx", "qy", "qz"]
-                .into_iter()
-                .all(|part| lacks(&c.name, part))
-        })
+    /// Whether a quaternion, or a part of one, is among these signals.
+    pub fn are_among(&self, signals: &[String]) -> bool {
+        let names = q_names(&self.coordinates);
+        let mut parts = self
+            .poses()
+            .flat_map(|(_, start)| &names[start.q + 3..start.q + 7]);
+        parts.any(|part| signals.contains(part))
     }
 
     /// What holds of the coordinates, where six are a pose: of all of these.

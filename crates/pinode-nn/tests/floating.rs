@@ -115,8 +115,29 @@ fn check_says_what_a_pose_and_a_planar_joint_are_made_of() {
     let document = printed(&pinode(&stone, &["check", "--json", "m.toml"]));
     let base = &document["coordinates"][0];
     assert_eq!((&base["nq"], &base["nv"]), (&json!(7), &json!(6)));
+    assert_eq!(
+        (&document["pose"], &document["roll_axis"]),
+        (&json!("quaternion"), &json!(null))
+    );
+
+    let stone = folder(STONE, "base = 'floating'\npose = 'angles'\nroll_axis = 'y'");
+    let output = pinode(&stone, &["check", "m.toml"]);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        text.contains("roll about the y axis of the body (`roll_axis`)"),
+        "{text}"
+    );
+    let document = printed(&pinode(&stone, &["check", "--json", "m.toml"]));
+    assert_eq!(
+        (&document["pose"], &document["roll_axis"]),
+        (&json!("angles"), &json!("y"))
+    );
 
     let puck = folder(PUCK, "");
+    assert_eq!(
+        printed(&pinode(&puck, &["check", "--json", "m.toml"]))["pose"],
+        json!(null)
+    );
     let output = pinode(&puck, &["check", "m.toml"]);
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     for words in [
@@ -480,4 +501,60 @@ fn simulate_refuses_the_variational_method_under_constraints() {
     assert!(!dir.path().join("t.csv").exists());
     let output = pinode(&dir, &[&arguments[..], &["--method", "heun"]].concat());
     assert!(output.status.success(), "{}", stderr(&output));
+}
+
+/// It was a singular mass matrix, or a force that grows without bound.
+#[test]
+fn a_simulation_that_comes_to_where_its_angles_fail_names_the_angle_and_the_cure() {
+    // It pitches at 2 rad/s: up after 0.785 s. At rest there, it cannot even start.
+    let ball = STONE.replace(
+        "ixy='0.004' ixz='-0.002' iyz='0.003'",
+        "ixy='0' ixz='0' iyz='0'",
+    );
+    let stone = folder(
+        &ball,
+        "base = 'floating'\npose = 'angles'\ngravity = [0.0, 0.0, 0.0]",
+    );
+    let up = std::f64::consts::FRAC_PI_2;
+    let simulate = |initial: &str, more: &[&str]| {
+        let initial = format!("--initial={initial}");
+        let arguments = [
+            "simulate",
+            "m.toml",
+            "--out",
+            "t.csv",
+            "--duration",
+            "0.9",
+            &initial,
+        ];
+        pinode(&stone, &[&arguments[..], more].concat())
+    };
+    let upright = format!("0,0,0,0,{up},0,0,0,0,0.1,0,0");
+    for more in [
+        &[][..],
+        &["--method", "variational"],
+        &["--method", "contacts"],
+        &["--method", "adaptive"],
+    ] {
+        let failed = simulate(&upright, more);
+        let said = stderr(&failed);
+        assert_eq!(failed.status.code(), Some(1), "{said}");
+        for words in [
+            "`base.pitch` is 1.571 rad at t = 0 s",
+            "the x axis of the body",
+            "`roll_axis`",
+            "quaternion",
+        ] {
+            assert!(said.contains(words), "no {words:?} in {said}");
+        }
+        assert!(!stone.path().join("t.csv").exists());
+    }
+    let passing = simulate("0,0,0,0,0,0.01,0,0,0,0,2,0", &[]);
+    let said = stderr(&passing);
+    assert!(
+        said.contains("`base.pitch` is 1.5") && said.contains("is within 9° of the vertical"),
+        "{said}"
+    );
+    let level = simulate("0,0,0,0,0,0.01,0,0,0,2,0,0", &[]);
+    assert!(!stderr(&level).contains("vertical"), "{}", stderr(&level));
 }

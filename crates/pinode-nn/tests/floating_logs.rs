@@ -329,7 +329,10 @@ fn measured_velocities_of_a_body_become_rates_of_its_angles() {
     text += "v.base.vx,v.base.vy,v.base.vz,v.base.wx,v.base.wy,v.base.wz,u.motor\n";
     for k in 0..40 {
         let t = 0.1 * f64::from(k);
+        // q and −q are one orientation.
+        let sign = [1.0, -1.0, -1.0][k as usize % 3];
         let (sin, cos) = (0.5 * rate * t).sin_cos();
+        let (sin, cos) = (sign * sin, sign * cos);
         let (x, y) = (
             2.0 / rate * (rate * t).sin(),
             2.0 / rate * (1.0 - (rate * t).cos()),

@@ -165,6 +165,20 @@ pub enum AdaptiveError<E> {
     },
 }
 
+impl<E> AdaptiveError<E> {
+    /// When it stopped, s; none where it could not start.
+    pub fn time(&self) -> Option<f64> {
+        match self {
+            AdaptiveError::Arguments(_) => None,
+            AdaptiveError::RightHandSide { time, .. }
+            | AdaptiveError::StepSize { time, .. }
+            | AdaptiveError::NotFinite { time, .. }
+            | AdaptiveError::Steps { time, .. }
+            | AdaptiveError::Solver { time, .. } => Some(*time),
+        }
+    }
+}
+
 /// Items with semicolons between them.
 struct List<'a, T>(&'a [T]);
 

@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use lagrange::Role;
+use lagrange::mechanism::PoseForm;
 use serde_json::{Value, json};
 
 use super::output::Output;
@@ -49,6 +50,14 @@ fn bodies(model: &Model) -> Vec<(&str, f64)> {
         .iter()
         .map(|body| (body.name.as_str(), body.mass * scale(&body.name)))
         .collect()
+}
+
+/// How the poses of what floats are written, and by angles about which axis of the body roll is; neither where nothing floats.
+fn pose(model: &Model) -> (Option<&'static str>, Option<&'static str>) {
+    match model.pose {
+        PoseForm::Angles(angles) => (Some("angles"), Some(angles.roll_axis.name())),
+        PoseForm::Quaternion => (model.has_poses().then_some("quaternion"), None),
+    }
 }
 
 /// Constants named in the energies.
@@ -219,8 +228,11 @@ fn document(model: &Model) -> Value {
         .iter()
         .map(|c| json!({ "name": c.name, "equation": c.description, "in_force": c.in_force }))
         .collect();
+    let (pose, roll_axis) = pose(model);
     json!({
         "name": model.name,
+        "pose": pose,
+        "roll_axis": roll_axis,
         "coordinates": coordinates.iter().map(|c| json!({
             "name": c.name, "joint": c.joint, "nq": c.nq(), "nv": c.nv(), "unit": c.unit(), "wraps": c.wraps,
         })).collect::<Vec<_>>(),
@@ -253,6 +265,13 @@ fn text(model: &Model) -> String {
             (false, true) => String::new(),
         };
         let _ = writeln!(out, "  {} [{}{wraps}]{more}", c.name, c.unit());
+    }
+    if let (_, Some(axis)) = pose(model) {
+        let _ = writeln!(
+            out,
+            "  the pose of what floats is by angles: yaw about z, then pitch, then roll about the {axis} axis of the body (`roll_axis`), which must stay \
+             away from the vertical"
+        );
     }
     if let Some(tree) = &model.tree {
         let _ = writeln!(out, "\njoints:");

@@ -10,6 +10,7 @@ mod dynamics;
 mod equations;
 mod evaluate;
 mod export;
+mod folder;
 mod interrupt;
 mod output;
 mod progress;

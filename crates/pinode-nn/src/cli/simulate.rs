@@ -23,7 +23,7 @@ use crate::hybrid::Hybrid;
 use crate::learnt::{Guard, other_intervals};
 use crate::log::Run;
 use crate::model::Model;
-use crate::poses::measured_state;
+use crate::poses::{Upright, measured_state};
 
 /// A longer trajectory is refused.
 const MOST_SAMPLES: f64 = 1e7;
@@ -135,6 +135,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
             warnings.extend(step_warning(&run.id, longest, step));
             taken = taken.max(longest);
         }
+        warnings.extend(Upright::of(&model, &run.t, &states).map(|near| near.warning(&run.id)));
         guard.watch(&run.id, &run.t, &run.u, &states);
         if let Some(band) = &mut band {
             let run = (&run, with_run);
@@ -312,7 +313,7 @@ fn still_run(model: &Model, arguments: &Arguments) -> Result<Run, Error> {
 }
 
 /// Leaves the first `duration` s.
-fn shorten(run: &mut Run, duration: f64) {
+pub(super) fn shorten(run: &mut Run, duration: f64) {
     let Some(&start) = run.t.first() else {
         return;
     };

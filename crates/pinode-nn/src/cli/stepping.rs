@@ -2,12 +2,16 @@
 
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
+use lagrange::mechanism::PoseForm;
 use serde_json::{Value, json};
 
+use super::simulate::shorten;
 use crate::Error;
+use crate::contact_run::ContactRunError;
 use crate::free_run::{Scheme, simulate_by};
 use crate::log::Run;
 use crate::model::Model;
+use crate::poses::Upright;
 
 /// What `--method` takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -97,8 +101,43 @@ impl Effort {
 }
 
 impl Stepping {
-    /// The trajectory over `run` from `initial`: one state a sample.
+    /// The trajectory over `run` from `initial`: one state a sample. Where the angles of a pose stop it, the error says so.
     pub fn simulate(
+        self,
+        model: &Model,
+        run: &Run,
+        initial: &[f64],
+        fineness: (f64, f64),
+        effort: &mut Effort,
+    ) -> Result<Vec<Vec<f64>>, Error> {
+        let rolled = self.roll(model, run, initial, fineness, effort);
+        rolled.map_err(|error| {
+            // What stops it does not bring along where it had come to.
+            let before = || {
+                let mut run = run.clone();
+                let reached = stopped_at(&error)? - run.t.first()?;
+                shorten(&mut run, reached);
+                let states = match run.len() {
+                    0 | 1 => vec![initial.to_vec()],
+                    _ => {
+                        let effort = &mut Effort::default();
+                        let rolled = self.roll(model, &run, initial, fineness, effort);
+                        rolled.ok()?
+                    }
+                };
+                Upright::of(model, &run.t, &states)
+            };
+            match model.pose {
+                PoseForm::Quaternion => error,
+                PoseForm::Angles(_) => match before() {
+                    Some(upright) => upright.stops(&run.id, error),
+                    None => error,
+                },
+            }
+        })
+    }
+
+    fn roll(
         self,
         model: &Model,
         run: &Run,
@@ -112,6 +151,24 @@ impl Stepping {
             }
             Stepping::Adapting(method) => method.simulate(model, run, initial, tolerance, effort),
         }
+    }
+}
+
+/// When a simulation stopped, s; none where it did not begin.
+fn stopped_at(error: &Error) -> Option<f64> {
+    match error {
+        Error::Diverged { time, .. } | Error::Stopped { time, .. } | Error::NoStep { time, .. } => {
+            Some(*time)
+        }
+        #[cfg(feature = "adaptive")]
+        Error::Adaptive { cause, .. } => cause.time(),
+        Error::Contacts { cause, .. } => match **cause {
+            ContactRunError::Stopped { time, .. } | ContactRunError::Chatter { time, .. } => {
+                Some(time)
+            }
+            _ => None,
+        },
+        _ => None,
     }
 }
 

@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use super::Output;
 use super::band::{calibrated, calibrated_words};
+use super::folder::Made;
 use super::interrupt::Interruptible;
 use crate::Error;
 use crate::band::Band;
@@ -212,7 +213,7 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
     let read = logs.iter().chain(&held_out).map(|log| log.path.as_path());
     let inputs: Vec<&Path> = given.files().into_iter().chain(read).collect();
     refuse_overwriting(&outputs, &inputs)?;
-    std::fs::create_dir_all(out).map_err(|e| Error::io(out, e))?;
+    let _made = Made::folder(out)?;
     let training = Training {
         model: &model,
         logs: &logs,

@@ -1,13 +1,12 @@
 //! A diagnosis with its files, as both programs make it.
 
-use std::collections::BTreeSet;
-use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use sha2::{Digest, Sha256};
 
 use super::Output;
+use super::folder::Folder;
 use super::interrupt::Interruptible;
 use super::progress::Progress;
 use crate::Error;
@@ -52,7 +51,7 @@ pub struct Finished {
 /// Diagnoses and writes `model.toml` (with its URDF beside it), `report.html` and `diagnosis.json`. All three are written under other
 /// names first and renamed together at the end, so that no old file stands beside a new one; when something fails, no new file and no
 /// new folder is left. Finished fits are kept in the folder meanwhile: a diagnosis that is interrupted goes on from them when it is begun
-/// again with the same inputs, to the same bits.
+/// again with the same inputs, to the same bits. Drafts of the model that a killed diagnosis left in the folder are removed.
 ///
 /// # Errors
 /// Those of [`diagnose`](crate::diagnose::diagnose); [`Error::OverwritesInput`], [`Error::Io`].
@@ -64,7 +63,7 @@ pub fn run(task: &Task, output: &Output) -> Result<Finished, Error> {
     inputs.extend(logs.map(|log| log.path.as_path()));
     refuse_overwriting(&outputs, &inputs)?;
     let folder = Folder::make(task.out)?;
-    let finished = work(task, output);
+    let finished = work(task, &folder, output);
     // Finished or failed: there is nothing to go on with. Where it cannot be removed, the next diagnosis empties it.
     let _ = std::fs::remove_file(task.out.join(kept::FILE_NAME));
     if finished.is_err() {
@@ -91,15 +90,10 @@ fn fingerprint(task: &Task) -> [u8; 32] {
     Sha256::digest(text).into()
 }
 
-fn work(task: &Task, output: &Output) -> Result<Finished, Error> {
+fn work(task: &Task, folder: &Folder, output: &Output) -> Result<Finished, Error> {
     let progress = Progress::new(output);
     let [model, json, report] = OWN_FILES.map(|name| task.out.join(name));
-    let draft = tempfile::Builder::new()
-        .prefix(".model-")
-        .suffix(".toml")
-        .tempfile_in(task.out)
-        .map_err(|e| Error::io(&model, e))?
-        .into_temp_path();
+    let draft = folder.draft().map_err(|e| Error::io(&model, e))?;
     let draft_name = draft.file_name().unwrap_or_default().to_string_lossy();
     let (kept, before) = Kept::open(task.out, &fingerprint(task))?;
     match before {
@@ -150,59 +144,7 @@ fn work(task: &Task, output: &Output) -> Result<Finished, Error> {
 }
 
 /// What the workflow writes, beside copies of the URDF and of the weights of networks.
-const OWN_FILES: [&str; 3] = ["model.toml", "diagnosis.json", report::FILE_NAME];
-
-/// A folder, and what was there before.
-struct Folder {
-    path: PathBuf,
-    /// Names in it.
-    before: BTreeSet<OsString>,
-    /// The folders that were made, the deepest first.
-    made: Vec<PathBuf>,
-}
-
-impl Folder {
-    /// Makes the folder with those above it.
-    fn make(path: &Path) -> Result<Self, Error> {
-        let made = path
-            .ancestors()
-            .take_while(|folder| !folder.as_os_str().is_empty() && !folder.exists())
-            .map(Path::to_owned)
-            .collect();
-        let io = |e| Error::io(path, e);
-        std::fs::create_dir_all(path).map_err(io)?;
-        Ok(Folder {
-            path: path.to_owned(),
-            before: names(path).map_err(io)?,
-            made,
-        })
-    }
-
-    /// Removes the files of the workflow that were not there before, and the folders made for them; what others wrote stays. What
-    /// cannot be removed stays as well: the error that led here is the one to tell.
-    fn leave_as_it_was(&self) {
-        let now = names(&self.path).unwrap_or_default();
-        for name in now.difference(&self.before) {
-            let path = Path::new(name);
-            let beside = |ending| {
-                path.extension()
-                    .is_some_and(|e| e.eq_ignore_ascii_case(ending))
-            };
-            if beside("urdf") || beside("safetensors") || OWN_FILES.iter().any(|own| name == own) {
-                let _ = std::fs::remove_file(self.path.join(name));
-            }
-        }
-        for folder in &self.made {
-            let _ = std::fs::remove_dir(folder); // refuses a folder with something in it
-        }
-    }
-}
-
-fn names(folder: &Path) -> std::io::Result<BTreeSet<OsString>> {
-    std::fs::read_dir(folder)?
-        .map(|entry| entry.map(|entry| entry.file_name()))
-        .collect()
-}
+pub(super) const OWN_FILES: [&str; 3] = ["model.toml", "diagnosis.json", report::FILE_NAME];
 
 /// The command line of this process as one could type it again.
 pub fn command_line() -> String {

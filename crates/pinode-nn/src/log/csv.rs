@@ -12,39 +12,13 @@ use crate::naming::quoted;
 /// The log in the text `bytes`.
 pub(super) fn parse(path: &Path, bytes: &[u8], channels: &Channels) -> Result<Log, Error> {
     let text = text_of(path, bytes)?;
-    let mut reader = ::csv::ReaderBuilder::new()
-        .has_headers(false)
-        .flexible(true)
-        .from_reader(text.as_bytes());
+    let mut reader = reader(text);
+    let header = next_header(path, &mut reader)?;
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
     let mut record = ::csv::StringRecord::new();
     let mut warnings = Vec::new();
     let csv_error = |e: ::csv::Error| refused(path, Problem::general(e.to_string()));
-    if !reader.read_record(&mut record).map_err(csv_error)? {
-        return Err(refused(
-            path,
-            Problem::general(
-                "the file is empty: a log starts with the header `t,q.<joint>,…,u.<input>,…`",
-            ),
-        ));
-    }
-    let header: Vec<String> = record.iter().map(|name| name.trim().to_owned()).collect();
-    let header: Vec<&str> = header.iter().map(String::as_str).collect();
-    let top = Position { line: 1, column: 1 };
-    if let [only] = header.as_slice()
-        && (only.contains(';') || only.contains('\t'))
-    {
-        return Err(refused(
-            path,
-            Problem::at(
-                top,
-                format!(
-                    "the header is the single column {}: separate columns by commas, and write decimals with a point",
-                    quoted(only)
-                ),
-            ),
-        ));
-    }
-    let layout = columns::resolve(&header, Some(top), channels, &mut warnings)
+    let layout = columns::resolve(&header, Some(TOP), channels, &mut warnings)
         .map_err(|list| Found::from(list).into_error(path))?;
 
     let mut rows = Rows::new(&header, &layout);
@@ -64,6 +38,53 @@ pub(super) fn parse(path: &Path, bytes: &[u8], channels: &Channels) -> Result<Lo
         }
     }
     rows.into_log(path, bytes, channels, warnings)
+}
+
+/// The names of the columns.
+pub(super) fn header(path: &Path, bytes: &[u8]) -> Result<Vec<String>, Error> {
+    next_header(path, &mut reader(text_of(path, bytes)?))
+}
+
+type Reader<'a> = ::csv::Reader<&'a [u8]>;
+
+fn reader(text: &str) -> Reader<'_> {
+    ::csv::ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .from_reader(text.as_bytes())
+}
+
+/// Where the header stands.
+const TOP: Position = Position { line: 1, column: 1 };
+
+/// The header, of which nothing has been read.
+fn next_header(path: &Path, reader: &mut Reader) -> Result<Vec<String>, Error> {
+    let mut record = ::csv::StringRecord::new();
+    let read = reader.read_record(&mut record);
+    if !read.map_err(|e| refused(path, Problem::general(e.to_string())))? {
+        return Err(refused(
+            path,
+            Problem::general(
+                "the file is empty: a log starts with the header `t,q.<joint>,…,u.<input>,…`",
+            ),
+        ));
+    }
+    let header: Vec<String> = record.iter().map(|name| name.trim().to_owned()).collect();
+    if let [only] = header.as_slice()
+        && (only.contains(';') || only.contains('\t'))
+    {
+        return Err(refused(
+            path,
+            Problem::at(
+                TOP,
+                format!(
+                    "the header is the single column {}: separate columns by commas, and write decimals with a point",
+                    quoted(only)
+                ),
+            ),
+        ));
+    }
+    Ok(header)
 }
 
 /// The text after the byte-order mark.

@@ -8,16 +8,19 @@
 //!
 //! | format | columns | times | a fault is told by |
 //! |---|---|---|---|
-//! | CSV in UTF-8 | those of the header | `t`, s | line and column |
-//! | Parquet (feature `parquet`) | numbers, decimals, switches, text; the fields of structures as `a.b`, but no lists | `t`, s, or stamps, which become seconds since the first | row, from 1 |
+//! | CSV in UTF-8 | those of the header | `t`, s; whole numbers that begin long ago, as those since 1970, become seconds since the first | line and column |
+//! | Parquet (feature `parquet`) | numbers, decimals, switches, text; the fields of structures as `a.b`, but no lists | as in CSV, or stamps, which become seconds since the first | row, from 1 |
 //! | MCAP (feature `mcap`) | the numbers in messages, `<topic>.<field>.<subfield>` | `header.stamp` of a message, else when it was logged; s since the first row | topic and time |
+//!
+//! Times that cannot be in seconds are refused with the unit that they seem to be in; `[log.columns]` says it, as the `scale` of `t`.
 //!
 //! Messages of an MCAP file are read in JSON, and in CDR with definitions of ROS 2 (`ros2msg`); other topics are left out with a
 //! warning. The elements of an array are `[0]`, `[1]`, …, or have the names that stand beside it, as in
 //! `/joint_states.position[slider]`. A field that is called as a signal (`q.slider`) is that signal, and where one topic has the type
 //! `sensor_msgs/msg/JointState` its positions and velocities are those of the coordinates with these names; all else is mapped by
 //! `[log.columns]`. The rows are at the messages that hold the position of the first coordinate: other positions and velocities are
-//! interpolated between their messages, with a warning, and an input is that of the last message until then. Rows at which a signal
+//! interpolated between their messages (orientations on the shorter arc, whichever of q and −q was sent), with a warning, and an input is that of the last
+//! message until then. Rows at which a signal
 //! has no value yet, or no longer, are left out, with a warning.
 
 mod columns;
@@ -31,6 +34,7 @@ mod mcap;
 mod parquet;
 mod read;
 mod rows;
+mod unit;
 
 use std::path::{Path, PathBuf};
 
@@ -133,11 +137,10 @@ impl Log {
             velocities: &velocities,
             ..channels
         };
-        match Log::parse(path, &bytes, &with_poses) {
-            Ok(measured) => poses.by_angles(measured),
-            // What is wrong with a log of poses, where it is one.
-            Err(error) if poses.are_in(&error) => Err(error),
-            Err(_) => log,
+        // What is wrong with a log of poses is said of their columns, and with others of the angles'.
+        match poses.are_among(&read::positions(path, &bytes, &with_poses)) {
+            true => poses.by_angles(Log::parse(path, &bytes, &with_poses)?),
+            false => log,
         }
     }
 

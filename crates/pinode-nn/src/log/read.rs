@@ -9,6 +9,7 @@ use lagrange::Problem;
 use super::rows::refused;
 use super::{Channels, Log, csv};
 use crate::Error;
+use crate::entries::q_names;
 
 /// A longer file is refused.
 const LARGEST: u64 = 1 << 30;
@@ -31,19 +32,55 @@ pub(super) fn parse(path: &Path, bytes: &[u8], channels: &Channels) -> Result<Lo
             Problem::general("the file is larger than 1 GiB: split it by runs"),
         ));
     }
-    if bytes.starts_with(b"PAR1") {
+    match Format::of(bytes) {
+        Format::Csv => csv::parse(path, bytes, channels),
         #[cfg(feature = "parquet")]
-        return super::parquet::parse(path, bytes, channels);
-        #[cfg(not(feature = "parquet"))]
-        return Err(not_built(path, "Parquet", "parquet"));
-    }
-    if bytes.starts_with(b"\x89MCAP0\r\n") {
+        Format::Parquet => super::parquet::parse(path, bytes, channels),
         #[cfg(feature = "mcap")]
-        return super::mcap::parse(path, bytes, channels);
+        Format::Mcap => super::mcap::parse(path, bytes, channels),
+        #[cfg(not(feature = "parquet"))]
+        Format::Parquet => Err(not_built(path, "Parquet", "parquet")),
         #[cfg(not(feature = "mcap"))]
-        return Err(not_built(path, "MCAP", "mcap"));
+        Format::Mcap => Err(not_built(path, "MCAP", "mcap")),
     }
-    csv::parse(path, bytes, channels)
+}
+
+/// The positions of `channels` that have a column in `bytes`, by the names of their signals; all in what cannot be read, which reading it tells.
+pub(super) fn positions(path: &Path, bytes: &[u8], channels: &Channels) -> Vec<String> {
+    let mapped = |header| (header, channels.columns.clone());
+    let found = match Format::of(bytes) {
+        Format::Csv => csv::header(path, bytes).map(mapped),
+        #[cfg(feature = "parquet")]
+        Format::Parquet => super::parquet::header(path, bytes).map(mapped),
+        #[cfg(feature = "mcap")]
+        Format::Mcap => super::mcap::header(path, bytes, channels),
+        #[cfg(not(feature = "parquet"))]
+        Format::Parquet => Err(not_built(path, "Parquet", "parquet")),
+        #[cfg(not(feature = "mcap"))]
+        Format::Mcap => Err(not_built(path, "MCAP", "mcap")),
+    };
+    let mut signals = q_names(channels.coordinates);
+    if let Ok((header, map)) = found {
+        signals.retain(|signal| header.contains(&map.of(signal).column));
+    }
+    signals
+}
+
+/// Of a file, by its first bytes.
+enum Format {
+    Csv,
+    Parquet,
+    Mcap,
+}
+
+impl Format {
+    fn of(bytes: &[u8]) -> Self {
+        match bytes {
+            [b'P', b'A', b'R', b'1', ..] => Format::Parquet,
+            [0x89, b'M', b'C', b'A', b'P', b'0', b'\r', b'\n', ..] => Format::Mcap,
+            _ => Format::Csv,
+        }
+    }
 }
 
 #[cfg(not(all(feature = "parquet", feature = "mcap")))]

@@ -6,7 +6,7 @@ use std::path::Path;
 use lagrange::{Problem, Problems};
 
 use super::columns::{Layout, Source};
-use super::{Channels, FEWEST_SAMPLES, Log, Run};
+use super::{Channels, FEWEST_SAMPLES, Log, Run, unit};
 use crate::Error;
 use crate::entries::starts;
 use crate::naming::quoted;
@@ -84,7 +84,18 @@ pub(super) struct Rows<'a> {
     header: &'a [&'a str],
     layout: &'a Layout,
     runs: Vec<Run>,
+    clock: Clock,
     pub(super) found: Found,
+}
+
+/// What the column `t` counts from.
+#[derive(Debug, Default)]
+struct Clock {
+    /// The first time, s, as the file has it.
+    first: Option<f64>,
+    /// What is taken from all others, in the unit of the column: the first where it is whole and of a day long ago. A number of nanoseconds since 1970 has
+    /// more digits than an `f64`.
+    origin: Option<i128>,
 }
 
 impl<'a> Rows<'a> {
@@ -93,13 +104,14 @@ impl<'a> Rows<'a> {
             header,
             layout,
             runs: Vec::new(),
+            clock: Clock::default(),
             found: Found::default(),
         }
     }
 
     pub(super) fn add(&mut self, row: &impl Row) {
         let layout = self.layout;
-        let Some(t) = self.number(row, layout.t) else {
+        let Some(t) = self.time(row) else {
             return;
         };
         let id = layout
@@ -160,6 +172,27 @@ impl<'a> Rows<'a> {
         self.runs.push(run);
     }
 
+    /// The time of a row, s.
+    fn time(&mut self, row: &impl Row) -> Option<f64> {
+        let source = self.layout.t;
+        let t = self.number(row, source)?;
+        let cell = row.cell(source.index);
+        let whole = match cell {
+            Cell::Text(field) => field.parse().ok(),
+            Cell::Integer(raw) => Some(raw),
+            Cell::Number(_) | Cell::Missing => None,
+        };
+        if self.clock.first.is_none() {
+            self.clock.first = Some(t);
+            self.clock.origin = whole.filter(|_| t.abs() >= unit::LONG_AGO);
+        }
+        Some(match (self.clock.origin, whole) {
+            (None, _) => t,
+            (Some(origin), Some(whole)) => whole.saturating_sub(origin) as f64 * source.scale,
+            (Some(origin), None) => t - (origin as f64 * source.scale + source.offset),
+        })
+    }
+
     fn number(&mut self, row: &impl Row, source: Source) -> Option<f64> {
         let cell = row.cell(source.index);
         let raw = match cell {
@@ -206,9 +239,23 @@ impl<'a> Rows<'a> {
         mut warnings: Vec<Problem>,
     ) -> Result<Log, Error> {
         let Rows {
-            runs, mut found, ..
+            runs,
+            clock,
+            mut found,
+            ..
         } = self;
         if found.list.is_empty() {
+            let mapping = channels.columns.of("t");
+            match unit::check(&runs, clock.first.unwrap_or(0.0), &mapping) {
+                Ok(warning) => warnings.extend(warning),
+                Err(problem) => found.push(|| problem),
+            }
+            if clock.origin.is_some() {
+                warnings.push(Problem::general(format!(
+                    "{} counts from a day long ago: times are those since its first",
+                    quoted(&mapping.column)
+                )));
+            }
             let runs = long_enough(runs, &mut warnings, &mut found);
             still(&runs, channels, &mut warnings, &mut found);
             if found.list.is_empty() {

@@ -3,12 +3,14 @@
 use std::collections::BTreeMap;
 use std::io::Cursor;
 
+use lagrange::Coordinate;
 use mcap::records::MessageHeader;
 use mcap::{WriteOptions, Writer};
-use pinode_nn::log::ColumnMap;
+use pinode_nn::log::{Channels, ColumnMap, Log};
 
 use super::{
-    assert_same, data, mapped, parse, problems, read, read_mapped, refused_when_flipped, told,
+    assert_same, coordinate, data, mapped, parse, problems, read, read_mapped,
+    refused_when_flipped, told,
 };
 
 /// Messages in JSON: topic, time in ms, text.
@@ -173,6 +175,64 @@ fn topics_of_other_rates_are_interpolated_and_inputs_are_held() {
         let held = (ms - FIRST as f64 - 10.0).div_euclid(50.0) * 50.0 + 10.0;
         assert_eq!(run.u[0][k], FIRST as f64 + held, "row {k}");
     }
+}
+
+/// Half way between q and −q, which are one orientation, lies a quaternion of length 0: such a log was refused for it.
+#[test]
+fn orientations_are_interpolated_whichever_of_two_quaternions_was_sent() {
+    let mut messages = Vec::new();
+    for i in 0..100_u64 {
+        let ms = 20 * i;
+        messages.push((
+            "/place",
+            ms,
+            format!("{{\"q\": {{\"base\": {{\"x\": {i}, \"y\": 0, \"z\": 0}}}}}}"),
+        ));
+    }
+    // 2 rad/s about x, every 30 ms, of changing signs.
+    let turn = |ms: u64| 2e-3 * ms as f64;
+    for i in 0..70_u64 {
+        let ms = 30 * i;
+        let sign = [1.0, -1.0, -1.0, 1.0, -1.0][i as usize % 5];
+        let (sin, cos) = (0.5 * turn(ms)).sin_cos();
+        let text = format!(
+            "{{\"qw\": {}, \"qx\": {}, \"qy\": 0, \"qz\": 0}}",
+            sign * cos,
+            sign * sin
+        );
+        messages.push(("/imu", ms, text));
+    }
+    messages.sort_by_key(|(_, ms, _)| *ms);
+    let parts =
+        ["qw", "qx", "qy", "qz"].map(|part| (format!("q.base.{part}"), format!("/imu.{part}")));
+    let parts: Vec<(&str, &str)> = parts
+        .iter()
+        .map(|(a, b)| (a.as_str(), b.as_str()))
+        .collect();
+    let base = Coordinate {
+        floating: true,
+        ..coordinate("base")
+    };
+    let channels = Channels {
+        coordinates: &[base],
+        velocities: &[true],
+        inputs: &[],
+        columns: &mapped(&parts),
+    };
+    let log = Log::parse("imu.mcap".as_ref(), &file(&messages), &channels).unwrap();
+    let run = &log.runs[0];
+    assert!(run.len() > 90);
+    for k in 0..run.len() {
+        let [w, x] = [3, 4].map(|part| run.q[part][k]);
+        assert!((w.hypot(x) - 1.0).abs() < 1e-12, "{k}: {w} {x}");
+        let off = 2.0 * x.atan2(w) - turn(20 * k as u64);
+        assert!((0.5 * off).sin().abs() < 1e-5, "{k}: {off}");
+    }
+    assert!(
+        told(&log).contains("`/imu.qw` is interpolated"),
+        "{}",
+        told(&log)
+    );
 }
 
 #[test]

@@ -1,5 +1,10 @@
 //! Parquet, written by pyarrow; and what damaged files say.
 
+use std::sync::Arc;
+
+use parquet::column::writer::ColumnWriter;
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::parser::parse_message_type;
 use pinode_nn::log::{ColumnMap, Mapping};
 
 use super::{
@@ -136,4 +141,86 @@ fn flipped_bytes_never_panic() {
         refused_when_flipped(&file, 11, &ColumnMap::default())
     });
     assert!(refused.iter().all(|refused| *refused > 20), "{refused:?}");
+}
+
+/// Something that moves, at these times in whole numbers: in Parquet and in CSV.
+fn counted(t: &[i64]) -> [Vec<u8>; 2] {
+    let schema = "message log { required int64 t; required double q.slider; required double q.pole; required double u.motor; }";
+    let schema = Arc::new(parse_message_type(schema).unwrap());
+    let mut writer = SerializedFileWriter::new(Vec::new(), schema, Arc::default()).unwrap();
+    let mut group = writer.next_row_group().unwrap();
+    let swing: Vec<f64> = (0..t.len()).map(|k| (0.1 * k as f64).sin()).collect();
+    while let Some(mut column) = group.next_column().unwrap() {
+        match column.untyped() {
+            ColumnWriter::Int64ColumnWriter(own) => own.write_batch(t, None, None).unwrap(),
+            ColumnWriter::DoubleColumnWriter(own) => own.write_batch(&swing, None, None).unwrap(),
+            _ => unreachable!(),
+        };
+        column.close().unwrap();
+    }
+    group.close().unwrap();
+    let mut csv = "t,q.slider,q.pole,u.motor\n".to_owned();
+    for (t, x) in t.iter().zip(&swing) {
+        csv += &format!("{t},{x},{x},{x}\n");
+    }
+    [writer.into_inner().unwrap(), csv.into_bytes()]
+}
+
+/// They were read as seconds: a log in microseconds was a million times too slow.
+#[test]
+fn times_that_count_something_else_than_seconds_are_refused_and_their_scale_is_said() {
+    for (first, step, words) in [
+        (0, 20_000, ["seems to count µs: ", "scale = 1e-6"]),
+        (0, 20_000_000, ["seems to count ns: ", "scale = 1e-9"]),
+        (1_700_000_000_000, 20, ["ms since 1970", "scale = 1e-3"]),
+        (
+            1_700_000_000_000_000_000,
+            20_000_000,
+            ["ns since 1970", "scale = 1e-9"],
+        ),
+    ] {
+        let t: Vec<i64> = (0..50).map(|k| first + step * k).collect();
+        for file in counted(&t) {
+            let message = problems(parse("counted", &file, &ColumnMap::default()));
+            for words in words {
+                assert!(message.contains(words), "{message}");
+            }
+        }
+    }
+    // Of a slow motion, or in ms.
+    for file in counted(&(0..50).map(|k| 20 * k).collect::<Vec<i64>>()) {
+        let log = parse("counted", &file, &ColumnMap::default()).unwrap();
+        assert_eq!(log.runs[0].t[2], 40.0);
+        let told = told(&log);
+        assert!(
+            told.contains("`t` is read as seconds: a sample every 20 s"),
+            "{told}"
+        );
+        assert!(told.contains("scale = 1e-3"), "{told}");
+    }
+}
+
+/// An `f64` holds nanoseconds since 1970 to a quarter of a microsecond.
+#[test]
+fn nothing_is_lost_of_nanoseconds_since_1970() {
+    let columns = ColumnMap {
+        mappings: vec![Mapping {
+            scale: 1e-9,
+            ..ColumnMap::default().of("t")
+        }],
+    };
+    let t: Vec<i64> = (0..50)
+        .map(|k| 1_700_000_000_000_000_001 + 1_003 * k)
+        .collect();
+    for file in counted(&t) {
+        let log = parse("counted", &file, &columns).unwrap();
+        for (k, t) in log.runs[0].t.iter().enumerate() {
+            assert!((t - 1.003e-6 * k as f64).abs() < 1e-18, "{k}: {t:e}");
+        }
+        assert!(
+            told(&log).contains("`t` counts from a day long ago"),
+            "{}",
+            told(&log)
+        );
+    }
 }

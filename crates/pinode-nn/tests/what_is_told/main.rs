@@ -2,6 +2,7 @@
 //! integrator of their own here, of a pendulum's closed form.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod exact;
 mod inertias;
 mod known;
 mod pendulum;

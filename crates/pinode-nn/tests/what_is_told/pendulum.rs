@@ -49,6 +49,13 @@ pub fn log(seed: u64, law: impl Fn(f64, [f64; 2], f64) -> f64) -> Log {
 
 /// The same by a sensor of this noise.
 pub fn log_by(sensor: f64, seed: u64, law: impl Fn(f64, [f64; 2], f64) -> f64) -> Log {
+    let mut log = log_of_both(sensor, seed, law);
+    log.runs[0].v = vec![None];
+    log
+}
+
+/// The same with velocities as they are.
+pub fn log_of_both(sensor: f64, seed: u64, law: impl Fn(f64, [f64; 2], f64) -> f64) -> Log {
     const SUBSTEPS: usize = 80;
     let mut noise = ChaCha8Rng::seed_from_u64(seed);
     let mut noise = || -> f64 { StandardNormal.sample(&mut noise) };
@@ -56,9 +63,10 @@ pub fn log_by(sensor: f64, seed: u64, law: impl Fn(f64, [f64; 2], f64) -> f64) -
     let u: Vec<f64> = t.iter().map(|&t| torque(t)).collect();
     let h = 0.02 / SUBSTEPS as f64;
     let mut x = [0.2, 0.0];
-    let mut q = Vec::new();
+    let (mut q, mut v) = (Vec::new(), Vec::new());
     for (&start, &u) in t.iter().zip(&u) {
         q.push(x[0] + sensor * noise());
+        v.push(x[1]);
         for k in 0..SUBSTEPS {
             let now = start + h * k as f64;
             let slope =
@@ -78,7 +86,7 @@ pub fn log_by(sensor: f64, seed: u64, law: impl Fn(f64, [f64; 2], f64) -> f64) -
             id: "0".into(),
             t,
             q: vec![q],
-            v: vec![None],
+            v: vec![Some(v)],
             u: vec![u],
         }],
         warnings: Vec::new(),

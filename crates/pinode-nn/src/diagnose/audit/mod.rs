@@ -38,6 +38,13 @@ const COARSER_THAN_DECLARED: f64 = 1.5;
 /// A sensor whose range of readings has fewer steps than this is a coarse one.
 const FEWEST_STEPS: f64 = 64.0;
 
+/// A sensor without noise does not exist, and simulated logs may have none: its noise is no less than this part of the range of its readings, unless the model
+/// declares it. Encoders read positions to seven digits, and integration steps follow them so far; …
+const LEAST_OF_POSITIONS: f64 = 1e-7;
+/// … nothing reads velocities to more than four. Exact ones beside positions of a usual sensor outweigh these by ten orders of magnitude, in which fits stall,
+/// networks learn next to nothing, and steps are made finer than any sensor could tell.
+const LEAST_OF_VELOCITIES: f64 = 1e-4;
+
 /// Readings that are held in more than this share of the samples are a sensor's that is stuck, not a sample dropped now and then.
 const OFTEN_HELD: f64 = 0.01;
 
@@ -139,13 +146,17 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
         let step = seen_step.filter(coarser).unwrap_or(declared_step);
         let quantum = step / 12.0_f64.sqrt();
         let declared = sensor.position_noise.filter(|_| !channel.velocity);
+        let least = match channel.velocity {
+            false => LEAST_OF_POSITIONS,
+            true => LEAST_OF_VELOCITIES,
+        };
         let moving: Vec<Vec<f64>> = smooth.iter().flat_map(|y| held::moving(y)).collect();
         let scatters = noise::scatters(&moving);
         let rough = match scatters {
             true => noise(&moving),
             false => noise(&smooth),
         };
-        let rough = of_sensor(rough, declared, quantum, &smooth);
+        let rough = of_sensor(rough, declared, quantum, (&smooth, least));
         let holds: Vec<Vec<[usize; 2]>> = smooth
             .iter()
             .map(|y| held::holds(y, rough, scatters))
@@ -157,7 +168,7 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
             .collect();
         let seen = noise(&parts);
         faults.extend(noise_fault(seen, declared, (&column_name, &unit)));
-        channel.noise = of_sensor(seen, declared, quantum, &smooth);
+        channel.noise = of_sensor(seen, declared, quantum, (&smooth, least));
         // A blow changes velocities at once.
         let slips: Vec<Vec<Slip>> = match channel.velocity {
             true => vec![Vec::new(); all.len()],
@@ -261,24 +272,30 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
     }
 }
 
-/// The noise of a sensor whose readings scatter by `seen`: as declared with its steps, where what is seen does not contradict it.
-fn of_sensor(seen: f64, declared: Option<f64>, quantum: f64, smooth: &[Vec<f64>]) -> f64 {
+/// The noise of a sensor whose readings scatter by `seen`: as declared with its steps, where what is seen does not contradict it; else no less than the `least`
+/// part of its range.
+fn of_sensor(
+    seen: f64,
+    declared: Option<f64>,
+    quantum: f64,
+    (smooth, least): (&[Vec<f64>], f64),
+) -> f64 {
     let noise = match declared {
         Some(declared) if seen <= MORE_THAN_DECLARED * declared => declared.hypot(quantum),
         Some(_) => seen,
         None => seen.max(quantum),
     };
-    if noise > 0.0 {
+    if declared.is_some() && noise > 0.0 {
         return noise;
     }
-    // A sensor without noise does not exist; a simulated log may have none. The middle nine tenths tell the range.
+    // The middle nine tenths tell the range.
     let mut sorted: Vec<f64> = smooth.iter().flatten().copied().collect();
     sorted.sort_by(f64::total_cmp);
     let at = |share: usize| {
         let place = sorted.len() * share / 20;
         sorted.get(place).copied().unwrap_or(0.0)
     };
-    1e-7 * (at(19) - at(1)).max(1e-9)
+    noise.max(least * (at(19) - at(1)).max(1e-9))
 }
 
 /// Readings that scatter more than the model says.

@@ -2,7 +2,7 @@
 //!
 //! Every number in a message is a column, `<topic>.<field>.<subfield>`, `[k]` for the elements of arrays and `[<name>]` where there is
 //! an array of names beside: `/joint_states.position[slider]`. The rows of the log are at the messages with the position of the first
-//! coordinate; other positions and velocities lie on lines between their neighbours, inputs are held.
+//! coordinate; other positions and velocities lie on lines between their neighbours (orientations on arcs), inputs are held.
 
 mod catalogue;
 mod cdr;
@@ -13,6 +13,7 @@ mod readings;
 mod ros2msg;
 mod series;
 mod table;
+mod turn;
 mod value;
 
 use std::path::Path;
@@ -20,7 +21,7 @@ use std::path::Path;
 use lagrange::Problem;
 
 use super::rows::{Found, Rows, refused};
-use super::{Channels, Log, columns};
+use super::{Channels, ColumnMap, Log, columns};
 use crate::Error;
 use crate::naming::quoted;
 use catalogue::Catalogue;
@@ -28,15 +29,7 @@ use table::Table;
 
 /// The log in `bytes`.
 pub(super) fn parse(path: &Path, bytes: &[u8], channels: &Channels) -> Result<Log, Error> {
-    let damaged = |why: String| {
-        refused(
-            path,
-            Problem::general(format!(
-                "the file begins as MCAP and cannot be read as such ({why}): where it is cut off, `mcap recover` saves what is there; \
-                 or write the log as CSV in UTF-8"
-            )),
-        )
-    };
+    let damaged = |why| damaged(path, why);
     let refuse = |list: Vec<Problem>| Found::from(list).into_error(path);
     let catalogue = Catalogue::of(bytes, &channels.columns.of("run")).map_err(damaged)?;
     let map = catalogue.map(channels).map_err(refuse)?;
@@ -44,10 +37,7 @@ pub(super) fn parse(path: &Path, bytes: &[u8], channels: &Channels) -> Result<Lo
         columns: &map,
         ..*channels
     };
-    // Before the columns of the file there is the time of the row, which every log has.
-    let header: Vec<&str> = std::iter::once("t")
-        .chain(catalogue.columns.iter().map(|column| column.name.as_str()))
-        .collect();
+    let header = names(&catalogue);
     let mut warnings = Vec::new();
     let layout = columns::resolve(&header, None, channels, &mut warnings).map_err(|mut list| {
         list.extend(catalogue.unread());
@@ -93,4 +83,35 @@ pub(super) fn parse(path: &Path, bytes: &[u8], channels: &Channels) -> Result<Lo
     table.fill(&mut rows);
     table.tell(&mut rows, &mut warnings);
     rows.into_log(path, bytes, channels, warnings)
+}
+
+/// The names of the columns, and where the signals of `channels` stand in them.
+pub(super) fn header(
+    path: &Path,
+    bytes: &[u8],
+    channels: &Channels,
+) -> Result<(Vec<String>, ColumnMap), Error> {
+    let catalogue =
+        Catalogue::of(bytes, &channels.columns.of("run")).map_err(|why| damaged(path, why))?;
+    let map = catalogue.map(channels);
+    let map = map.map_err(|list| Found::from(list).into_error(path))?;
+    let names = names(&catalogue).into_iter().map(str::to_owned);
+    Ok((names.collect(), map))
+}
+
+/// Before the columns of the file there is the time of the row, which every log has.
+fn names(catalogue: &Catalogue) -> Vec<&str> {
+    let columns = catalogue.columns.iter();
+    let names = columns.map(|column| column.name.as_str());
+    std::iter::once("t").chain(names).collect()
+}
+
+fn damaged(path: &Path, why: String) -> Error {
+    refused(
+        path,
+        Problem::general(format!(
+            "the file begins as MCAP and cannot be read as such ({why}): where it is cut off, `mcap recover` saves what is there; \
+             or write the log as CSV in UTF-8"
+        )),
+    )
 }

@@ -35,21 +35,29 @@ impl Series {
         self.times.partition_point(|t| *t <= time).checked_sub(1)
     }
 
+    /// The reading before `time`, how far `time` is on the way to the next, from 0 to 1, and how far these two are apart, ns; none where `time` is that of a
+    /// reading, or there are no two around it.
+    pub(super) fn around(&self, time: i64) -> Option<(usize, f64, i64)> {
+        let before = self.held(time)?;
+        let (start, end) = (*self.times.get(before)?, *self.times.get(before + 1)?);
+        let share = (time - start) as f64 / (end - start) as f64;
+        (start != time).then_some((before, share, end - start))
+    }
+
     /// The number on the line between the readings around `time`, and how far these are apart; where the number goes round with
     /// `period`, the shorter way.
     pub(super) fn between(&self, time: i64, period: Option<f64>) -> Option<(f64, i64)> {
         let before = self.held(time)?;
-        let (t0, x0) = (*self.times.get(before)?, *self.numbers.get(before)?);
-        if t0 == time {
+        let x0 = *self.numbers.get(before)?;
+        if *self.times.get(before)? == time {
             return Some((x0, 0));
         }
-        let (t1, x1) = (*self.times.get(before + 1)?, *self.numbers.get(before + 1)?);
-        let mut difference = x1 - x0;
+        let (_, share, apart) = self.around(time)?;
+        let mut difference = *self.numbers.get(before + 1)? - x0;
         if let Some(period) = period {
             difference -= period * (difference / period).round();
         }
-        let share = (time - t0) as f64 / (t1 - t0) as f64;
-        Some((x0 + share * difference, t1 - t0))
+        Some((x0 + share * difference, apart))
     }
 }
 

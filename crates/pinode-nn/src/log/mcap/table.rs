@@ -5,8 +5,10 @@ use lagrange::Problem;
 use super::catalogue::Catalogue;
 use super::readings::{Readings, seconds};
 use super::series::{Series, period};
+use super::turn::Turn;
+use crate::entries::starts;
 use crate::log::Channels;
-use crate::log::columns::Layout;
+use crate::log::columns::{Layout, Source};
 use crate::log::rows::{Cell, Row, Rows};
 use crate::naming::quoted;
 
@@ -40,6 +42,7 @@ struct Reading {
 pub(super) struct Table<'a> {
     catalogue: &'a Catalogue,
     signals: Vec<Signal<'a>>,
+    turns: Vec<Turn>,
     /// Whose messages are the rows, in the catalogue.
     first: usize,
     run: Option<usize>,
@@ -92,6 +95,7 @@ impl<'a> Table<'a> {
         let first = layout.q.first().or(layout.u.first()).unwrap_or(&layout.t);
         Table {
             catalogue,
+            turns: turns(&signals, layout, channels),
             signals,
             first: first.index.saturating_sub(1),
             run: layout.run.and_then(|index| index.checked_sub(1)),
@@ -125,6 +129,7 @@ impl<'a> Table<'a> {
                 }
                 continue;
             }
+            self.turn(time, &mut readings);
             let zero = *zero.get_or_insert(time);
             rows.add(&Instant {
                 readings: &readings,
@@ -134,6 +139,18 @@ impl<'a> Table<'a> {
                 run: self.run,
                 signals: &self.signals,
             });
+        }
+    }
+
+    /// Puts orientations in the place of numbers that were read between those of two; there is one reading a signal.
+    fn turn(&self, time: i64, readings: &mut [Reading]) {
+        for turn in &self.turns {
+            let series = turn.signals.map(|signal| self.signals[signal].series);
+            for (signal, number) in
+                (turn.signals.into_iter()).zip(turn.between(series, time).into_iter().flatten())
+            {
+                readings[signal].number = number;
+            }
         }
     }
 
@@ -190,6 +207,31 @@ impl<'a> Table<'a> {
         let topic = column.and_then(|column| self.catalogue.topics.get(column.topic));
         topic.map_or("", |topic| &topic.name)
     }
+}
+
+/// The quaternions among the signals whose parts stand in the same messages; others stay numbers on lines of their own, and so do those with an offset, which
+/// are none until it is added.
+fn turns(signals: &[Signal], layout: &Layout, channels: &Channels) -> Vec<Turn> {
+    let coordinates = channels.coordinates.iter();
+    let quaternions = coordinates
+        .zip(starts(channels.coordinates))
+        .filter(|(c, _)| c.floating)
+        .filter_map(|(_, start)| layout.q.get(start.q + 3..start.q + 7)?.try_into().ok());
+    let of = |parts: [Source; 4]| {
+        let mut found = [0; 4];
+        for (found, part) in found.iter_mut().zip(parts) {
+            *found = (signals.iter())
+                .position(|signal| Some(signal.index) == part.index.checked_sub(1))?;
+        }
+        let times = |signal: usize| &signals[signal].series.times;
+        let together = found.iter().all(|signal| times(*signal) == times(found[0]));
+        let plain = parts.iter().all(|part| part.offset == 0.0);
+        (together && plain).then_some(Turn {
+            signals: found,
+            scales: parts.map(|part| part.scale),
+        })
+    };
+    quaternions.filter_map(of).collect()
 }
 
 impl Signal<'_> {

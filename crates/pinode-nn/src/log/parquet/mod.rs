@@ -9,7 +9,7 @@ use std::path::Path;
 
 use ::parquet::errors::{ParquetError, Result};
 use ::parquet::file::reader::{FileReader, SerializedFileReader};
-use ::parquet::schema::types::SchemaDescriptor;
+use ::parquet::schema::types::{ColumnDescPtr, SchemaDescriptor};
 use bytes::Bytes;
 use lagrange::Problem;
 
@@ -27,23 +27,10 @@ const BATCH: usize = 4096;
 
 /// The log in `bytes`.
 pub(super) fn parse(path: &Path, bytes: &[u8], channels: &Channels) -> Result<Log, Error> {
-    let damaged = |e: ParquetError| {
-        refused(
-            path,
-            Problem::general(format!(
-                "the file begins as Parquet and cannot be read as such ({e}): where it is cut off or damaged write it anew, without \
-                 encryption and with one of the usual compressions (snappy, zstd, gzip, lz4); or write the log as CSV in UTF-8"
-            )),
-        )
-    };
-    let file =
-        guarded(|| SerializedFileReader::new(Bytes::copy_from_slice(bytes))).map_err(&damaged)?;
+    let damaged = |e| damaged(path, e);
+    let file = open(path, bytes)?;
+    let names = names(&file);
     let schema = file.metadata().file_metadata().schema_descr();
-    let names: Vec<String> = schema
-        .columns()
-        .iter()
-        .map(|column| column.path().string())
-        .collect();
     let header: Vec<&str> = names.iter().map(String::as_str).collect();
     let mut warnings = Vec::new();
     let layout = columns::resolve(&header, None, channels, &mut warnings)
@@ -82,6 +69,34 @@ pub(super) fn parse(path: &Path, bytes: &[u8], channels: &Channels) -> Result<Lo
         }
     }
     checked.into_log(path, bytes, channels, warnings)
+}
+
+/// The names of the columns.
+pub(super) fn header(path: &Path, bytes: &[u8]) -> Result<Vec<String>, Error> {
+    Ok(names(&open(path, bytes)?))
+}
+
+type File = SerializedFileReader<Bytes>;
+
+fn open(path: &Path, bytes: &[u8]) -> Result<File, Error> {
+    let opened = guarded(|| SerializedFileReader::new(Bytes::copy_from_slice(bytes)));
+    opened.map_err(|e| damaged(path, e))
+}
+
+fn names(file: &File) -> Vec<String> {
+    let columns = file.metadata().file_metadata().schema_descr().columns();
+    let name = |column: &ColumnDescPtr| column.path().string();
+    columns.iter().map(name).collect()
+}
+
+fn damaged(path: &Path, e: ParquetError) -> Error {
+    refused(
+        path,
+        Problem::general(format!(
+            "the file begins as Parquet and cannot be read as such ({e}): where it is cut off or damaged write it anew, without \
+             encryption and with one of the usual compressions (snappy, zstd, gzip, lz4); or write the log as CSV in UTF-8"
+        )),
+    )
 }
 
 /// What the library says of a damaged file, also where it panics: its decoders trust lengths and indices within pages.
@@ -140,7 +155,7 @@ impl Used {
     }
 
     /// How many rows the file says that it has.
-    fn rows(&self, file: &SerializedFileReader<Bytes>) -> Result<u64> {
+    fn rows(&self, file: &File) -> Result<u64> {
         let mut rows: u64 = 0;
         for group in file.metadata().row_groups() {
             rows = rows.saturating_add(rows_of(group.num_rows())?);
@@ -148,7 +163,7 @@ impl Used {
         Ok(rows)
     }
 
-    fn open(&mut self, file: &SerializedFileReader<Bytes>, group: usize) -> Result<()> {
+    fn open(&mut self, file: &File, group: usize) -> Result<()> {
         let group = file.get_row_group(group)?;
         self.left = rows_of(group.metadata().num_rows())?
             .try_into()

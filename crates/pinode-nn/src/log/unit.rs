@@ -1,0 +1,151 @@
+//! Whether the times of a log are in seconds.
+//!
+//! Clocks count in ms, µs or ns as well. What is read as seconds and is none makes a motion a thousand to a thousand million times too slow: all else about the log
+//! looks right.
+
+use lagrange::Problem;
+
+use super::{Mapping, Run, typical};
+use crate::naming::quoted;
+
+/// Samples this far apart, s, are of no mechanism's motion.
+const NO_MOTION: f64 = 1e3;
+/// Samples this far apart, s, are suspicious.
+const SLOW: f64 = 1.0;
+/// A time that is further from 0, s, is no time of a clock in seconds, whatever it counts from: 3000 years.
+const NO_TIME: f64 = 1e11;
+/// A time that is further from 0, s, counts from a day long ago, as 1970.
+pub(super) const LONG_AGO: f64 = 1e8;
+
+/// Steps in ns are longer than this, and those in µs shorter: 0.2 ms, or 0.2 s.
+const LEAST_NS: f64 = 2e5;
+
+/// What a clock may count.
+struct Unit {
+    name: &'static str,
+    /// s
+    size: f64,
+}
+
+const MS: Unit = Unit {
+    name: "ms",
+    size: 1e-3,
+};
+const US: Unit = Unit {
+    name: "µs",
+    size: 1e-6,
+};
+const NS: Unit = Unit {
+    name: "ns",
+    size: 1e-9,
+};
+
+/// Times that cannot be in seconds, as what they seem to be in: an error. Those that could be, of a slow motion: a warning. `first` is the first time, as it
+/// is in the file; `mapping` is that of `t`.
+pub(super) fn check(
+    runs: &[Run],
+    first: f64,
+    mapping: &Mapping,
+) -> Result<Option<Problem>, Problem> {
+    let steps = runs
+        .iter()
+        .flat_map(|run| run.t.windows(2).map(|p| p[1] - p[0]));
+    let Some(step) = typical(steps.collect()) else {
+        return Ok(None);
+    };
+    let cure = |unit: &Unit| {
+        format!(
+            "for {} write `t = {{ column = \"{}\", scale = {:e} }}` into [log.columns] of the model",
+            unit.name,
+            mapping.column,
+            unit.size * mapping.scale
+        )
+    };
+    let column = quoted(&mapping.column);
+    if first.abs() >= NO_TIME {
+        // Since 1970, as clocks of computers count.
+        let unit = match first.abs() {
+            x if x < 1e14 => MS,
+            x if x < 1e17 => US,
+            _ => NS,
+        };
+        return Err(Problem::general(format!(
+            "{column} begins at {first}, which no clock shows in seconds; it seems to count {} since 1970: {}",
+            unit.name,
+            cure(&unit)
+        )));
+    }
+    if step >= NO_MOTION {
+        let unit = if step < LEAST_NS { US } else { NS };
+        return Err(Problem::general(format!(
+            "{column} goes {step} from sample to sample, at the median, and no motion is seen in samples so many seconds apart; it seems to count {}: {}",
+            unit.name,
+            cure(&unit)
+        )));
+    }
+    Ok((step >= SLOW).then(|| {
+        Problem::general(format!(
+            "{column} is read as seconds: a sample every {step} s, at the median, is few for a motion; {}",
+            cure(&MS)
+        ))
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+
+    /// What is said of a recording with samples so far apart, from `first` on.
+    fn said(first: f64, step: f64) -> Result<Option<String>, String> {
+        let run = Run {
+            id: "0".into(),
+            t: (0..20).map(|k| first + step * f64::from(k)).collect(),
+            q: Vec::new(),
+            v: Vec::new(),
+            u: Vec::new(),
+        };
+        let mapping = Mapping {
+            signal: "t".into(),
+            column: "stamp".into(),
+            scale: 1.0,
+            offset: 0.0,
+        };
+        let found = check(&[run], first, &mapping);
+        found
+            .map(|warning| warning.map(|w| w.message))
+            .map_err(|problem| problem.message)
+    }
+
+    #[test]
+    fn what_a_clock_counts_is_told_by_its_steps_and_by_where_it_begins() {
+        for (first, step, unit, scale) in [
+            (0.0, 2e4, "µs", "1e-6"),
+            (0.0, 1e3, "µs", "1e-6"),
+            (0.0, 2e7, "ns", "1e-9"),
+            (1.7e12, 20.0, "ms", "1e-3"),
+            (1.7e15, 2e4, "µs", "1e-6"),
+            (1.7e18, 2e7, "ns", "1e-9"),
+        ] {
+            let told = said(first, step).unwrap_err();
+            assert!(told.contains(&format!("seems to count {unit}")), "{told}");
+            assert!(
+                told.contains(&format!("`t = {{ column = \"stamp\", scale = {scale} }}`")),
+                "{told}"
+            );
+        }
+    }
+
+    #[test]
+    fn seconds_are_read_as_such_with_a_warning_where_they_are_many() {
+        for (first, step) in [(0.0, 0.02), (1.7e9, 1e-3), (-3.0, 0.5)] {
+            assert_eq!(said(first, step), Ok(None));
+        }
+        let told = said(0.0, 20.0).unwrap().unwrap();
+        assert!(
+            told.contains("a sample every 20 s") && told.contains("for ms write"),
+            "{told}"
+        );
+    }
+}
