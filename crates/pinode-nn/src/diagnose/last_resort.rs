@@ -76,13 +76,17 @@ pub struct Taught {
 /// A coordinate of which the fits and the free runs leave less than this part of what they leave of the worst, in units of their noises, is not what is off.
 const WITHIN: f64 = 0.25;
 
-/// On which coordinates the model is off: not on those that stay within their noise while another leaves it.
-fn off(study: &Study, fitted: &Fitted, gap: &Gap) -> Vec<bool> {
+/// On which coordinates the model is off, by what is left of each: not on those that stay within their noise while another leaves it.
+fn off(left: &[f64]) -> impl Iterator<Item = bool> {
+    let most = left.iter().copied().fold(0.0, f64::max);
+    left.iter().map(move |&x| x >= WITHIN * most)
+}
+
+/// What a fitted model leaves on each coordinate in its windows or in free runs, whichever is more, in units of the noise.
+fn left(study: &Study, fitted: &Fitted, gap: &Gap) -> Vec<f64> {
     let excess = fitted.excess(&study.observations);
-    let far = gap.coordinates.iter().zip(excess);
-    let far: Vec<f64> = far.map(|(free, excess)| free.after.max(excess)).collect();
-    let most = far.iter().copied().fold(0.0, f64::max);
-    far.into_iter().map(|x| x >= WITHIN * most).collect()
+    let pairs = gap.coordinates.iter().zip(excess);
+    pairs.map(|(free, excess)| free.after.max(excess)).collect()
 }
 
 impl<'a> Resort<'a> {
@@ -102,12 +106,12 @@ impl<'a> Resort<'a> {
         let left = search.left.as_ref();
         let there = left.map(|left| coordinates[left.coordinate].name.as_str());
         let named = |force: &&ResidualForce| Some(force.coordinate.as_str()) == there;
-        let is_off = off(study, fitted, gap);
-        let moves = |force: &&ResidualForce| {
-            let mut coordinates = coordinates.iter().zip(&is_off);
-            coordinates.any(|(c, off)| c.name == force.coordinate && *off)
+        let far = self::left(study, fitted, gap);
+        let is_off = |force: &&ResidualForce| {
+            let mut coordinates = coordinates.iter().zip(off(&far));
+            coordinates.any(|(c, off)| off && c.name == force.coordinate)
         };
-        let worst = || all.iter().find(moves).or(all.first());
+        let worst = || all.iter().find(is_off).or(all.first());
         let force = all.iter().find(named).or_else(worst)?;
         let c = coordinates
             .iter()
@@ -329,5 +333,19 @@ impl Learnt {
         )];
         said.extend(self.law.iter().flat_map(Law::sentences));
         said
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A satellite whose wheel is 30 noises off does not lack a force on its resting height.
+    #[test]
+    fn what_stays_within_its_noise_while_another_coordinate_leaves_it_is_not_off() {
+        let of = |left: &[f64]| off(left).collect::<Vec<bool>>();
+        assert_eq!(of(&[1.1, 0.9, 30.0]), [false, false, true]);
+        assert_eq!(of(&[12.0, 30.0]), [true, true]);
+        assert_eq!(of(&[1.0, 0.9]), [true, true]);
     }
 }

@@ -17,8 +17,8 @@ use crate::smoothing::VISIBLE;
 
 /// At most so many effects are named.
 const MOST_EFFECTS: usize = 6;
-/// A rival's way goes on while it has cost no more than so many times the way that it rivals.
-const GENEROUS: u64 = 2;
+/// A rival's way takes another step while it has cost no more than so many times the way that it rivals.
+const GENEROUS: u64 = 1;
 /// Iterations of the initial states when pushes are taken away.
 const STATES_ALONE: usize = 5;
 

@@ -118,3 +118,30 @@ fn a_stop_that_gives_for_a_sixth_of_a_second_is_a_stop() {
         "{stop:?}"
     );
 }
+
+/// Drag of the second power, of a pendulum that swings out from 30 s on: in the last quarter there is next to none.
+#[test]
+fn what_is_held_out_at_rest_is_said_to_bear_nothing_out() {
+    const DRIVEN_S: f64 = 29.99;
+    let law = |t: f64, [_, v]: [f64; 2], u: f64| {
+        let torque = if t < DRIVEN_S { u } else { 0.0 };
+        torque - VISCOUS * v - 2e-3 * v * v.abs()
+    };
+    let mut log = log(31, law);
+    let run = &mut log.runs[0];
+    for (t, u) in run.t.iter().zip(&mut run.u[0]) {
+        *u = if *t < DRIVEN_S { *u } else { 0.0 };
+    }
+    let found = diagnosed(&model(true), log);
+    assert!(found.effects.is_empty(), "{:?}", found.effects);
+    assert_eq!(found.verdict, Verdict::Unexplained);
+    let told = found.advice.first().unwrap();
+    assert!(
+        told.starts_with("quadratic drag on `phi` explains"),
+        "{told}"
+    );
+    assert!(
+        told.contains("neither bears it out nor contradicts it"),
+        "{told}"
+    );
+}
