@@ -147,6 +147,7 @@ fn found(
     };
     let search = Search {
         null: null.clone(),
+        base: null.clone(),
         steps: Vec::new(),
         gain: found.comparison.total(),
         found: vec![found],
