@@ -10,7 +10,9 @@ use super::pushes::{is_push, stripped, with_pushes};
 use super::refine::{Contender, is_sensible, rank};
 use super::remainder::Remainder;
 use super::screen;
-use super::step::{LEAST_T2, Report, Step, Turn, accept, is_second_choice, refine_dear, step_from};
+use super::step::{
+    LEAST_T2, Report, Step, Turn, accept, is_dear, is_second_choice, refine_dear, step_from,
+};
 use super::study::{Comparison, Fitted, RELIEF, Study};
 use crate::shooting::Fit;
 use crate::smoothing::VISIBLE;
@@ -182,19 +184,30 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
     let mut path = Path::new(study, base.clone(), first.clone());
     let begun = study.work();
     if let Some(k) = first.accepted {
-        path.follow(&base, k, u64::MAX, seed, report);
+        path.follow(&base, k, (Turn::Further, u64::MAX), seed, report);
     }
     let most = GENEROUS * (study.work() - begun);
     let many = path.at.added.len() > 1;
+    let has_states = |added: &[Candidate]| added.iter().any(|c| is_dear(c.kind));
+    // What has states of its own and did not stay beside the first would not beside its rivals.
+    let turn = |k: usize| match has_states(&path.at.added) || has_states(&first.contenders[k].added)
+    {
+        true => Turn::Further,
+        false => Turn::Aside,
+    };
     let shown = |k: &usize| holds(study, &base, &first.contenders[*k]);
     let rivals = rivals_of_the_first(&first, &base).into_iter();
-    for k in rivals.filter(|k| many || shown(k)) {
+    let rivals: Vec<(usize, Turn)> = rivals
+        .filter(|k| many || shown(k))
+        .map(|k| (k, turn(k)))
+        .collect();
+    for (k, turn) in rivals {
         report(&format!(
             "following {} instead",
             first.contenders[k].added[0].kind.name
         ));
         let mut other = Path::new(study, base.clone(), first.clone());
-        other.follow(&base, k, most, seed, report);
+        other.follow(&base, k, (turn, most), seed, report);
         if other.beats(&path) {
             path = other;
         }
@@ -217,7 +230,7 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
                 released: None,
             };
             let mut other = Path::new(study, base.clone(), step);
-            other.follow(&base, k, most, seed, report);
+            other.follow(&base, k, (Turn::Further, most), seed, report);
             if other.beats(&path) {
                 path = other;
             }
@@ -337,8 +350,15 @@ impl Path {
         }
     }
 
-    /// Takes contender `k` of the first step and goes on until nothing is accepted, or more work than `most` is done.
-    fn follow(&mut self, null: &Fitted, k: usize, most: u64, seed: u64, report: Report) {
+    /// Takes contender `k` of the first step and goes on, by steps of this sort, until nothing is accepted, or more work than `most` is done.
+    fn follow(
+        &mut self,
+        null: &Fitted,
+        k: usize,
+        (turn, most): (Turn, u64),
+        seed: u64,
+        report: Report,
+    ) {
         let begun = self.at.study.work();
         let mut next = Some(k);
         let mut before: Vec<Vec<Candidate>> = vec![self.at.added.clone()];
@@ -368,7 +388,7 @@ impl Path {
                 break;
             }
             let at = self.at.current.clone();
-            let (current, step) = step_from(&self.at.study, at, Turn::Further, seed, report);
+            let (current, step) = step_from(&self.at.study, at, turn, seed, report);
             self.at.current = current;
             next = step.accepted;
             self.steps.push(step);

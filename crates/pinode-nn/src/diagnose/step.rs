@@ -67,7 +67,7 @@ pub fn is_second_choice(kind: &Kind) -> bool {
 }
 
 /// What has states of its own takes many times the time of what has none: it is tried where that leaves something to explain.
-fn is_dear(kind: &Kind) -> bool {
+pub fn is_dear(kind: &Kind) -> bool {
     kind.states() > 0
 }
 
@@ -80,6 +80,15 @@ pub enum Turn {
     Again,
     /// A look for what is there beside what was found.
     Further,
+    /// The same beside what a rival found, for what has no states of its own.
+    Aside,
+}
+
+impl Turn {
+    /// Whether nothing was found before.
+    fn is_first(self) -> bool {
+        matches!(self, Turn::First | Turn::Again)
+    }
 }
 
 /// One step: what is missing in `current`.
@@ -87,7 +96,7 @@ fn one_step(study: &Study, current: &Fitted, turn: Turn, seed: u64, report: Repo
     let looking = Looking {
         study,
         current,
-        first: turn != Turn::Further,
+        first: turn.is_first(),
         seed,
         report,
     };
@@ -110,8 +119,10 @@ fn one_step(study: &Study, current: &Fitted, turn: Turn, seed: u64, report: Repo
         return step;
     }
     // The blows of a play look like no law of what was measured.
-    if left.is_some() || looking.is_loud(&step) || (turn == Turn::Again && step.accepted.is_none())
-    {
+    let is_worth = left.is_some()
+        || looking.is_loud(&step)
+        || (turn == Turn::Again && step.accepted.is_none());
+    if is_worth && turn != Turn::Aside {
         // Friction explains what nothing else does: beside a law that is accepted for what it explains it is asked in the end.
         let firm = step.accepted().is_some_and(|c| c.comparison.explains());
         let friction = !firm && left.as_ref().is_some_and(Remainder::may_be_friction);
@@ -119,9 +130,9 @@ fn one_step(study: &Study, current: &Fitted, turn: Turn, seed: u64, report: Repo
         let dear = screen::screen(study, current, is_asked).ranked;
         looking.ask_the_dear(&screen, &dear, &mut step);
         screen.ranked.extend(dear);
-        if step.accepted.is_none() && left.is_some() {
-            looking.ask_pairs(&screen, &mut step);
-        }
+    }
+    if step.accepted.is_none() && left.is_some() {
+        looking.ask_pairs(&screen, &mut step);
     }
     step.screened = screen.ranked;
     looking.ask_the_constants(&mut step);
