@@ -171,12 +171,13 @@ pub fn changing(change: &Change) -> String {
 pub fn at_rest(unborne: &Unborne, name: &Name, hybrid: &Hybrid) -> String {
     let Unborne {
         candidate,
+        of_input,
         z,
         moves: [seen, held_out],
     } = unborne;
-    let (kind, target) = (candidate.kind, candidate.target);
-    let coordinate = &hybrid.mechanics().coordinates()[hybrid.coordinate_of(kind, target)];
-    let signal = match Unborne::follows_input(kind) {
+    let c = hybrid.coordinate_of(candidate.kind, candidate.target);
+    let coordinate = &hybrid.mechanics().coordinates()[c];
+    let signal = match of_input {
         true => format!(
             "`{}` has {} of its {}",
             name.target,

@@ -3,27 +3,24 @@
 use super::candidate::Candidate;
 use super::search::Search;
 use super::study::{Lack, Study, lacks};
-use crate::effect::{ActsOn, Kind};
+use crate::effect::ActsOn;
 use crate::shooting::Window;
 
 /// A signal that is so small a part in the windows held out of what it is in the others hardly moves there.
 const HARDLY: f64 = 0.25;
+/// What is behind by so many standard errors in the windows held out is contradicted by them.
+const CONTRADICTED: f64 = -2.0;
 
 /// A name that explains what the seen windows lack, and that those held out, in which its signal hardly moves, neither bear out nor contradict.
 pub struct Unborne {
     /// The name.
     pub candidate: Candidate,
+    /// Whether it follows an input.
+    pub of_input: bool,
     /// How clearly it explains the seen windows, standard errors.
     pub z: f64,
     /// Root mean square of the input, or of the speed of the coordinate, that it follows, in the seen windows and in those held out.
     pub moves: [f64; 2],
-}
-
-impl Unborne {
-    /// Whether it follows an input.
-    pub fn follows_input(kind: &Kind) -> bool {
-        kind.acts_on() == ActsOn::Input
-    }
 }
 
 /// The one of the last step's candidates that explains most, where that is so.
@@ -33,7 +30,7 @@ pub fn unborne(study: &Study, search: &Search) -> Option<Unborne> {
         let compared = &c.comparison;
         let z = (compared.inside.z, compared.outside.z);
         let gain = (compared.inside_gain, compared.outside_gain);
-        c.is_sensible && lacks(z, gain) == Some(Lack::GainHeldOut)
+        c.is_sensible && z.1 > CONTRADICTED && lacks(z, gain) == Some(Lack::GainHeldOut)
     });
     explaining.find_map(|c| {
         let [candidate] = c.added[..] else {
@@ -43,10 +40,15 @@ pub fn unborne(study: &Study, search: &Search) -> Option<Unborne> {
         let moves = [of(&study.windows.fit), of(&study.windows.held_out)];
         (moves[1] < HARDLY * moves[0]).then_some(Unborne {
             candidate,
+            of_input: is_of_input(&candidate),
             z: c.comparison.inside.z,
             moves,
         })
     })
+}
+
+fn is_of_input(candidate: &Candidate) -> bool {
+    candidate.kind.acts_on() == ActsOn::Input
 }
 
 fn root_mean_square(
@@ -55,10 +57,12 @@ fn root_mean_square(
     candidate: &Candidate,
     windows: &[Window],
 ) -> f64 {
-    let (kind, target) = (candidate.kind, candidate.target);
-    let c = search.model.hybrid.coordinate_of(kind, target);
-    let signal = |run: usize| match Unborne::follows_input(kind) {
-        true => &study.observations.runs[run].u[target],
+    let c = search
+        .model
+        .hybrid
+        .coordinate_of(candidate.kind, candidate.target);
+    let signal = |run: usize| match is_of_input(candidate) {
+        true => &study.observations.runs[run].u[candidate.target],
         false => &study.smoothed[run].v[c],
     };
     let values = windows.iter().flat_map(|w| {

@@ -207,7 +207,7 @@ pub fn revisit(
         };
         let comparison = Comparison::of(current, &reduced);
         let mut weighed = weigh(study, added[k], &rivals, comparison, current);
-        weighed.believe(share_beside(study, &added[k], (current, &reduced)));
+        weighed.believe(share_beside(study, &weighed, (current, &reduced)));
         found.push(weighed);
     }
     found

@@ -41,6 +41,9 @@ const ITERATIONS: [usize; 2] = [0, 30];
 /// What an input was so many samples ago.
 const AGO: [usize; 5] = [1, 2, 3, 5, 8];
 
+/// A coordinate of which the fits and the free runs leave less than this part of what they leave of the worst, in units of their noises, is not what is off.
+const WITHIN: f64 = 0.25;
+
 /// What is left, and what is known of it.
 pub struct Resort<'a> {
     /// The model as given.
@@ -73,13 +76,10 @@ pub struct Taught {
     pub law: Option<Law>,
 }
 
-/// A coordinate of which the fits and the free runs leave less than this part of what they leave of the worst, in units of their noises, is not what is off.
-const WITHIN: f64 = 0.25;
-
 /// On which coordinates the model is off, by what is left of each: not on those that stay within their noise while another leaves it.
-fn off(left: &[f64]) -> impl Iterator<Item = bool> {
+fn off(left: &[f64]) -> Vec<bool> {
     let most = left.iter().copied().fold(0.0, f64::max);
-    left.iter().map(move |&x| x >= WITHIN * most)
+    left.iter().map(|&x| x >= WITHIN * most).collect()
 }
 
 /// What a fitted model leaves on each coordinate in its windows or in free runs, whichever is more, in units of the noise.
@@ -106,10 +106,10 @@ impl<'a> Resort<'a> {
         let left = search.left.as_ref();
         let there = left.map(|left| coordinates[left.coordinate].name.as_str());
         let named = |force: &&ResidualForce| Some(force.coordinate.as_str()) == there;
-        let far = self::left(study, fitted, gap);
+        let off = off(&self::left(study, fitted, gap));
         let is_off = |force: &&ResidualForce| {
-            let mut coordinates = coordinates.iter().zip(off(&far));
-            coordinates.any(|(c, off)| off && c.name == force.coordinate)
+            let mut coordinates = coordinates.iter().zip(&off);
+            coordinates.any(|(c, off)| *off && c.name == force.coordinate)
         };
         let worst = || all.iter().find(is_off).or(all.first());
         let force = all.iter().find(named).or_else(worst)?;
@@ -343,9 +343,8 @@ mod tests {
     /// A satellite whose wheel is 30 noises off does not lack a force on its resting height.
     #[test]
     fn what_stays_within_its_noise_while_another_coordinate_leaves_it_is_not_off() {
-        let of = |left: &[f64]| off(left).collect::<Vec<bool>>();
-        assert_eq!(of(&[1.1, 0.9, 30.0]), [false, false, true]);
-        assert_eq!(of(&[12.0, 30.0]), [true, true]);
-        assert_eq!(of(&[1.0, 0.9]), [true, true]);
+        assert_eq!(off(&[1.1, 0.9, 30.0]), [false, false, true]);
+        assert_eq!(off(&[12.0, 30.0]), [true, true]);
+        assert_eq!(off(&[1.0, 0.9]), [true, true]);
     }
 }

@@ -7,6 +7,7 @@
 use rayon::prelude::*;
 
 use super::candidate::Candidate;
+use super::found::Found;
 use super::refine::{Contender, ITERATIONS, best};
 use super::study::{Comparison, Fitted, RELIEF, Study};
 use crate::effect::Action;
@@ -57,22 +58,18 @@ fn is_inertia(candidate: &Candidate) -> bool {
 }
 
 /// Whether a constant, `released`, explains more than a contender that stands by the tolerances that it relieves.
-pub fn takes_the_place(released: &Fitted, contender: &Contender) -> bool {
+pub fn is_ahead(released: &Fitted, contender: &Contender) -> bool {
     let ahead = match contender.added.iter().all(is_inertia) {
         true => AHEAD_OF_INERTIA,
         false => AHEAD,
     };
-    !contender.comparison.explains() && released.score(1) > contender.score + ahead
+    released.score(1) > contender.score + ahead
 }
 
-/// The probability of a name beside the constant that would explain as much of what `reduced`, the model without it, lacks; 1 where the windows
-/// themselves speak for the name, and where it says the same.
-pub fn share_beside(
-    study: &Study,
-    candidate: &Candidate,
-    (current, reduced): (&Fitted, &Fitted),
-) -> f64 {
-    if is_inertia(candidate) || Comparison::of(current, reduced).explains() {
+/// The probability of what was found beside the constant that would explain as much of what `reduced`, the model without it, lacks; 1 where the
+/// windows themselves speak for the name, and where it says the same.
+pub fn share_beside(study: &Study, found: &Found, (current, reduced): (&Fitted, &Fitted)) -> f64 {
+    if is_inertia(&found.candidate) || found.comparison.explains() {
         return 1.0;
     }
     released(study, reduced).map_or(1.0, |released| {

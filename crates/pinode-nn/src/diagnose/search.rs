@@ -31,7 +31,7 @@ pub struct Search {
     pub null: Fitted,
     /// The same, with the constants of the mechanism free that the search set free at its start: where it began.
     pub base: Fitted,
-    /// The steps; the last one accepted nothing, unless the search was full.
+    /// The steps; the last one accepted nothing, unless the search was full or had done its work.
     pub steps: Vec<Step>,
     /// What was found and stood the test at the end.
     pub found: Vec<Found>,
@@ -190,18 +190,14 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
     let many = path.at.added.len() > 1;
     let has_states = |added: &[Candidate]| added.iter().any(|c| is_dear(c.kind));
     // What has states of its own and did not stay beside the first would not beside its rivals.
-    let turn = |k: usize| match has_states(&path.at.added) || has_states(&first.contenders[k].added)
-    {
-        true => Turn::Further,
-        false => Turn::Aside,
-    };
+    let stayed = has_states(&path.at.added);
     let shown = |k: &usize| holds(study, &base, &first.contenders[*k]);
     let rivals = rivals_of_the_first(&first, &base).into_iter();
-    let rivals: Vec<(usize, Turn)> = rivals
-        .filter(|k| many || shown(k))
-        .map(|k| (k, turn(k)))
-        .collect();
-    for (k, turn) in rivals {
+    for k in rivals.filter(|k| many || shown(k)) {
+        let turn = match stayed || has_states(&first.contenders[k].added) {
+            true => Turn::Further,
+            false => Turn::Aside,
+        };
         report(&format!(
             "following {} instead",
             first.contenders[k].added[0].kind.name
@@ -227,7 +223,6 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
                 screened,
                 contenders,
                 accepted: Some(k),
-                released: None,
             };
             let mut other = Path::new(study, base.clone(), step);
             other.follow(&base, k, (Turn::Further, most), seed, report);

@@ -6,7 +6,7 @@ use super::candidate::Candidate;
 use super::refine::{
     Contender, FIRST_LOOK, ITERATIONS, polish, rank, refine, refine_one, would_relieve,
 };
-use super::released::{released, takes_the_place};
+use super::released::{is_ahead, released};
 use super::remainder::Remainder;
 use super::score::samples_per_window;
 use super::screen::{self, Screen, Screened};
@@ -53,9 +53,6 @@ pub struct Step {
     pub contenders: Vec<Contender>,
     /// Which of them was accepted.
     pub accepted: Option<usize>,
-    /// The model as it was with one constant free that explains more than what would have been accepted, or where nothing would: from there the step is
-    /// to be made again.
-    pub released: Option<Fitted>,
 }
 
 /// What the search tells of its progress.
@@ -115,7 +112,6 @@ fn one_step(study: &Study, current: &Fitted, turn: Turn, seed: u64, report: Repo
     let shows = left.as_ref().is_some_and(Remainder::is_significant);
     if turn == Turn::First && step.accepted.is_none() && !shows {
         step.screened = screen.ranked;
-        looking.ask_the_constants(&mut step);
         return step;
     }
     // The blows of a play look like no law of what was measured.
@@ -135,11 +131,11 @@ fn one_step(study: &Study, current: &Fitted, turn: Turn, seed: u64, report: Repo
         looking.ask_pairs(&screen, &mut step);
     }
     step.screened = screen.ranked;
-    looking.ask_the_constants(&mut step);
     step
 }
 
-/// Steps from `current` until none releases a constant: the last one, and from where it was made.
+/// Steps from `current`; where one constant that is not what the model says explains more than what a step accepts for the tolerances that it relieves, or
+/// where it accepts nothing, again from there. The last step, and from where it was made.
 pub fn step_from(
     study: &Study,
     mut current: Fitted,
@@ -148,11 +144,17 @@ pub fn step_from(
     report: Report,
 ) -> (Fitted, Step) {
     loop {
-        let mut step = one_step(study, &current, turn, seed, report);
-        match step.released.take() {
-            None => return (current, step),
-            Some(released) => current = released,
-        }
+        let step = one_step(study, &current, turn, seed, report);
+        let released = match step.accepted() {
+            Some(accepted) if accepted.comparison.explains() => None,
+            Some(accepted) => released(study, &current).filter(|r| is_ahead(r, accepted)),
+            None => released(study, &current),
+        };
+        let Some(released) = released else {
+            return (current, step);
+        };
+        report("a constant of the mechanism is not what its tolerance allows");
+        current = released;
     }
 }
 
@@ -271,22 +273,6 @@ impl Looking<'_> {
         let refined = refine_dear(self.study, self.current, rivals, self.report);
         step.contenders.extend(refined);
         step.choose(self.study, self.current, self.seed);
-    }
-
-    /// Asks whether one constant that is not what the model says explains more than what stands by the tolerances that it relieves.
-    fn ask_the_constants(&self, step: &mut Step) {
-        let accepted = step.accepted();
-        if accepted.is_some_and(|c| c.comparison.explains()) {
-            return;
-        }
-        let Some(released) = released(self.study, self.current) else {
-            return;
-        };
-        if accepted.is_none_or(|c| takes_the_place(&released, c)) {
-            (self.report)("a constant of the mechanism is not what its tolerance allows");
-            step.accepted = None;
-            step.released = Some(released);
-        }
     }
 
     /// Refines pairs of candidates that mask one another.

@@ -52,9 +52,8 @@ impl Fit {
     /// gradient as if the others had been fitted without it (the jackknife over windows; few windows fit themselves), and the tolerances
     /// among them; at least the nominal I⁻¹. A constant that the data do not move has an infinite one, or its prior's.
     pub fn standard_errors(&self) -> Vec<f64> {
-        let mut errors = vec![f64::INFINITY; self.free.len()];
         let Some((moving, inverse)) = self.inverse() else {
-            return errors;
+            return vec![f64::INFINITY; self.free.len()];
         };
         let n = moving.len();
         let mut meat = DMatrix::zeros(n, n);
@@ -63,21 +62,25 @@ impl Fit {
             meat += &g * g.transpose();
         }
         let sandwich = &inverse * meat * &inverse;
-        for (i, &k) in moving.iter().enumerate() {
-            errors[k] = sandwich[(i, i)].max(inverse[(i, i)]).sqrt();
+        let variances = sandwich.diagonal().sup(&inverse.diagonal());
+        self.errors(&moving, variances.map(f64::sqrt).as_slice())
+    }
+
+    /// Errors of θ_free, given those of the entries that move something; the others have infinite ones.
+    fn errors(&self, moving: &[usize], of_moving: &[f64]) -> Vec<f64> {
+        let mut errors = vec![f64::INFINITY; self.free.len()];
+        for (&k, &error) in moving.iter().zip(of_moving) {
+            errors[k] = error;
         }
         errors
     }
 
     /// Standard errors of θ_free by the information alone, the diagonal of I⁻¹: as if no residuals hung together. Infinite where nothing moves a constant.
     pub fn nominal_errors(&self) -> Vec<f64> {
-        let mut errors = vec![f64::INFINITY; self.free.len()];
-        if let Some((moving, inverse)) = self.inverse() {
-            for (i, &k) in moving.iter().enumerate() {
-                errors[k] = inverse[(i, i)].sqrt();
-            }
-        }
-        errors
+        let Some((moving, inverse)) = self.inverse() else {
+            return vec![f64::INFINITY; self.free.len()];
+        };
+        self.errors(&moving, inverse.diagonal().map(f64::sqrt).as_slice())
     }
 
     /// By how much each of the first `windows` windows moves θ_free, I⁻¹ g̃ of [`standard_errors`](Self::standard_errors): 0 where its equations
