@@ -102,8 +102,6 @@ pub fn check(model: &Model, logs: &[Log], options: &Options) -> Result<Smoothing
         .iter()
         .map(|run| initial_states(model, run, options.initial))
         .collect();
-    let observations = audit::audit(model, logs, &[]).observations;
-    let noise: Vec<f64> = observations.channels.iter().map(|c| c.noise).collect();
     let tasks: Vec<(Window, &[f64])> = windows
         .into_iter()
         .filter_map(|window| {
@@ -111,6 +109,7 @@ pub fn check(model: &Model, logs: &[Log], options: &Options) -> Result<Smoothing
             Some((window, state.as_slice()))
         })
         .collect();
+    let noise = audit::audit(model, logs, &[]).observations.noise();
     Ok(compare(&hybrid, &theta, &inputs, &tasks, &noise)?)
 }
 

@@ -306,7 +306,7 @@ fn weigh(
 }
 
 /// Fits whose evidence differs by less than this, nats, are the same: what they differ by is where their iterations ended.
-const SAME: f64 = 1.0;
+pub const SAME: f64 = 1.0;
 
 /// Whether the windows do not tell two contenders apart: no significant difference, or a lead of the rival that would not be accepted
 /// as an explanation of what the found one leaves.

@@ -211,7 +211,7 @@ fn rolled(
     let measured = study.starts(hybrid, theta, &leads, None);
     let guess = |(state, h): (&Vec<f64>, &Vec<f64>)| [&state[..], h].concat();
     let guesses = measured.iter().zip(&hidden.means).map(guess).collect();
-    let noise = observations.channels.iter().map(|c| c.noise).collect();
+    let noise = observations.noise();
     let fitted = fit(
         hybrid,
         observations,

@@ -4,12 +4,13 @@ use super::search::Search;
 use super::stops::hardened;
 use super::study::{Fitted, MOST_SUBSTEPS, Study};
 use crate::shooting::{Member, Window, roll_all};
-use crate::smoothing::{SmoothingError, compare};
+use crate::smoothing::{SmoothingError, VISIBLE, compare};
 
 /// The integration step is halved until that moves the roll-outs by less than this part of the noise.
 const STEP_ERROR: f64 = 0.3;
 /// Dry friction that a search goes on beside is fitted again when sticking would move a coordinate by more than what shows, that of its result when it would
-/// by this, in units of the noise: half its square, 0.05 nats a sample, is the least gain that counts for an effect.
+/// by this, in units of the noise: half its square, 0.05 nats a sample, is the least gain that counts for an effect. Beside residuals that are
+/// larger than the noise the same is true of them.
 pub const COUNTS: f64 = 0.316;
 /// … and so much of that is aimed at.
 const AIM: f64 = 0.5;
@@ -26,6 +27,11 @@ const MOST_WINDOWS: usize = 24;
 /// with. `None` without dry friction, and under constraints, for which there are no set-valued laws. End stops give on both sides as
 /// fitted.
 pub fn set_valued(study: &Study, fitted: &Fitted) -> Option<SmoothingError> {
+    moved_by_sticking(study, fitted, &study.observations.noise())
+}
+
+/// The same in these units, one a channel.
+fn moved_by_sticking(study: &Study, fitted: &Fitted, units: &[f64]) -> Option<SmoothingError> {
     let (hybrid, theta) = (&fitted.hybrid, &fitted.inside.theta);
     if hybrid.rubbing().is_empty() {
         return None;
@@ -48,8 +54,18 @@ pub fn set_valued(study: &Study, fitted: &Fitted) -> Option<SmoothingError> {
         .iter()
         .map(|run| hybrid.drive(&run.t, &run.u, fitted.substeps, theta, &[]))
         .collect();
-    let noise: Vec<f64> = observations.channels.iter().map(|c| c.noise).collect();
-    compare(hybrid, theta, &inputs, &windows, &noise).ok()
+    compare(hybrid, theta, &inputs, &windows, units).ok()
+}
+
+/// Units, one a channel, of which `limit` is so many times the noise, or [`COUNTS`] times what a fitted model leaves, if that is more: friction as sharp
+/// as the noise would see it takes many times the time, and changes nothing where other things are missing that move more.
+fn units(study: &Study, fitted: &Fitted, limit: f64) -> Vec<f64> {
+    let observations = &study.observations;
+    let excess = fitted.excess(observations).into_iter();
+    let channels = excess.zip(&observations.channels);
+    channels
+        .map(|(excess, channel)| channel.noise * (excess * COUNTS / limit).max(1.0))
+        .collect()
 }
 
 /// A study with shorter steps and what was found as a fit in it has it, where that is better.
@@ -93,9 +109,9 @@ fn sharpened(study: &Study, search: &Search) -> Refined {
 }
 
 /// By how much sticking would move a coordinate from where the smoothed friction of a fitted model has it where that is beyond a `limit`, in units of the
-/// noise.
+/// noise, and counts beside what the model leaves.
 pub fn shows(study: &Study, fitted: &Fitted, limit: f64) -> Option<f64> {
-    let error = set_valued(study, fitted)?;
+    let error = moved_by_sticking(study, fitted, &units(study, fitted, limit))?;
     let worst = error.coordinates.iter().map(|c| c.rms).fold(0.0, f64::max);
     (worst > limit).then_some(worst)
 }
@@ -121,17 +137,18 @@ pub fn sharp(study: &Study, fitted: &Fitted, limit: f64) -> Refined {
         let start = from.start(from.inside.theta.clone());
         study.fit(hybrid.clone(), start, 1, ITERATIONS)
     };
+    let visible = units(&study, fitted, VISIBLE);
     // The steps that it will need are known before it is fitted, or nearly.
     let mut sharp = Fitted {
         hybrid: hybrid.clone(),
         ..fitted.clone()
     };
-    while is_coarse(&study, &sharp) {
+    while has_coarse_steps(&study, &sharp, &visible) {
         study.finer *= 2;
         sharp.substeps = study.substeps_for(&hybrid, &sharp.inside.theta);
     }
     sharp = fit(&study, &sharp);
-    while is_coarse(&study, &sharp) {
+    while has_coarse_steps(&study, &sharp, &visible) {
         study.finer *= 2;
         sharp = fit(&study, &sharp);
     }
@@ -140,13 +157,18 @@ pub fn sharp(study: &Study, fitted: &Fitted, limit: f64) -> Refined {
 
 /// Whether shorter steps would move the roll-outs by more than [`STEP_ERROR`], and may be taken.
 pub fn is_coarse(study: &Study, fitted: &Fitted) -> bool {
-    fitted.substeps < MOST_SUBSTEPS && step_error(study, fitted) > STEP_ERROR
+    has_coarse_steps(study, fitted, &study.observations.noise())
 }
 
-/// The largest change of a simulated measurement by half the integration step, in units of noise, in all but one window of ten: those
+/// The same in these units, one a channel.
+fn has_coarse_steps(study: &Study, fitted: &Fitted, units: &[f64]) -> bool {
+    fitted.substeps < MOST_SUBSTEPS && step_error(study, fitted, units) > STEP_ERROR
+}
+
+/// The largest change of a simulated measurement by half the integration step, in these units, in all but one window of ten: those
 /// near an unstable point magnify every error, and every finding is tried again with half the step. Of a stiff model in half of the windows: the moments at
 /// which joints stick take steps that are many times shorter, of order 1.5, for what is in few samples.
-fn step_error(study: &Study, fitted: &Fitted) -> f64 {
+fn step_error(study: &Study, fitted: &Fitted, units: &[f64]) -> f64 {
     let observations = &study.observations;
     let theta = &fitted.inside.theta;
     let nx = fitted.hybrid.nx();
@@ -180,7 +202,7 @@ fn step_error(study: &Study, fitted: &Fitted) -> f64 {
             continue;
         };
         let mut worst = 0.0_f64;
-        for channel in &observations.channels {
+        for (channel, unit) in observations.channels.iter().zip(units) {
             let place = channel.coordinate
                 + if channel.velocity {
                     fitted.hybrid.nq()
@@ -189,7 +211,7 @@ fn step_error(study: &Study, fitted: &Fitted) -> f64 {
                 };
             for k in 0..window.count {
                 let d = a.states[k * nx + place] - b.states[k * nx + place];
-                worst = worst.max(d.abs() / channel.noise);
+                worst = worst.max(d.abs() / unit);
             }
         }
         errors.push(worst);
@@ -200,4 +222,48 @@ fn step_error(study: &Study, fitted: &Fitted) -> f64 {
         false => errors.len() * 9 / 10,
     };
     errors.get(counts).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::super::candidate::Candidate;
+    use super::super::pushes::tests::prepared;
+    use super::super::setup::Prepared;
+    use super::*;
+    use crate::effect::registry;
+    use crate::smoothing::VISIBLE;
+
+    /// A cart whose encoder sees micrometres took implicit steps, and half an hour, for friction that moved it by a hundredth of what was missing.
+    #[test]
+    fn friction_is_as_sharp_as_what_the_model_leaves_can_see() {
+        let (_dir, Prepared { study, null, .. }) = prepared(0.0);
+        let coulomb = Candidate {
+            kind: registry::find("coulomb_friction").unwrap(),
+            target: 0,
+        };
+        let (hybrid, theta) = coulomb.place(&null.hybrid, &null.inside.theta, &[2.0]);
+        let mut fitted = study.fit(hybrid, null.start(theta), 1, 0);
+        let moved = set_valued(&study, &fitted).unwrap().coordinates[0].rms;
+        assert!(moved > VISIBLE, "{moved} times the noise");
+        let noise = study.observations.channels[0].noise;
+        for limit in [VISIBLE, COUNTS] {
+            // Residuals of the noise, of as much as leaves it in sight, and of more.
+            for (left, seen) in [
+                (1.0, true),
+                (0.8 * moved / COUNTS, true),
+                (1.2 * moved / COUNTS, false),
+            ] {
+                fitted.inside.sigma = vec![left * noise];
+                let shown = shows(&study, &fitted, limit);
+                assert_eq!(shown.is_some(), seen, "{left} times the noise: {shown:?}");
+            }
+        }
+        // What is told stays in units of the noise.
+        assert_eq!(
+            set_valued(&study, &fitted).unwrap().coordinates[0].rms,
+            moved
+        );
+    }
 }

@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use super::candidate::Candidate;
-use super::found::{Found, position, prune, revisit};
+use super::found::{Found, SAME, position, prune, revisit};
 use super::misfit::explained;
 use super::numerics::sharp;
 use super::pushes::{is_push, stripped, with_pushes};
@@ -154,7 +154,7 @@ pub fn has_names(model: &Fitted, names: &[Candidate]) -> bool {
 ///
 /// Where nothing is found, it is looked for again beside pushes from outside, if there are any.
 pub fn search(study: &Study, null: Fitted, seed: u64, report: Report) -> Search {
-    let (base, first) = step_from(study, null.clone(), Turn::First, seed, report);
+    let (base, first) = step_from(study, null.clone(), &[], Turn::First, seed, report);
     let found = if first.accepted.is_some() {
         search_from(study, base, first, seed, report)
     } else {
@@ -168,7 +168,7 @@ fn search_again(study: &Study, base: Fitted, first: Step, seed: u64, report: Rep
     report("asking whether pushes from outside hide anything");
     let pushed = with_pushes(study, &base);
     let start = pushed.as_ref().unwrap_or(&base);
-    let (start, again) = step_from(study, start.clone(), Turn::Again, seed, report);
+    let (start, again) = step_from(study, start.clone(), &[], Turn::Again, seed, report);
     match pushed {
         None => search_from(study, start, again, seed, report),
         Some(_) if again.accepted.is_some() => {
@@ -183,8 +183,9 @@ fn search_again(study: &Study, base: Fitted, first: Step, seed: u64, report: Rep
 fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Report) -> Search {
     let mut path = Path::new(study, base.clone(), first.clone());
     let begun = study.work();
+    let mut been = Vec::new();
     if let Some(k) = first.accepted {
-        path.follow(&base, k, (Turn::Further, u64::MAX), seed, report);
+        been = path.follow(&base, k, (Turn::Further, u64::MAX), &[], seed, report);
     }
     let most = GENEROUS * (study.work() - begun);
     let many = path.at.added.len() > 1;
@@ -203,7 +204,10 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
             first.contenders[k].added[0].kind.name
         ));
         let mut other = Path::new(study, base.clone(), first.clone());
-        other.follow(&base, k, (turn, most), seed, report);
+        let been_by = other.follow(&base, k, (turn, most), &been, seed, report);
+        if turn == Turn::Further {
+            been.extend(been_by);
+        }
         if other.beats(&path) {
             path = other;
         }
@@ -225,7 +229,7 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
                 accepted: Some(k),
             };
             let mut other = Path::new(study, base.clone(), step);
-            other.follow(&base, k, (Turn::Further, most), seed, report);
+            other.follow(&base, k, (Turn::Further, most), &been, seed, report);
             if other.beats(&path) {
                 path = other;
             }
@@ -315,6 +319,19 @@ fn holds(study: &Study, null: &Fitted, contender: &Contender) -> bool {
     })
 }
 
+/// A set of names that a path has come to, with the score of the model that has them.
+struct Been {
+    added: Vec<Candidate>,
+    score: f64,
+}
+
+impl Been {
+    /// Whether these are the names, in whatever order.
+    fn has(&self, added: &[Candidate]) -> bool {
+        self.added.len() == added.len() && self.added.iter().all(|c| added.contains(c))
+    }
+}
+
 /// One way from the null model on.
 struct Path {
     steps: Vec<Step>,
@@ -345,18 +362,20 @@ impl Path {
         }
     }
 
-    /// Takes contender `k` of the first step and goes on, by steps of this sort, until nothing is accepted, or more work than `most` is done.
+    /// Takes contender `k` of the first step and goes on, by steps of this sort, until nothing is accepted, more work than `most` is done, or it comes to
+    /// where `others` have been with as good a fit, from where it would go their way. Where it has been itself.
     fn follow(
         &mut self,
         null: &Fitted,
         k: usize,
         (turn, most): (Turn, u64),
+        others: &[Been],
         seed: u64,
         report: Report,
-    ) {
+    ) -> Vec<Been> {
         let begun = self.at.study.work();
         let mut next = Some(k);
-        let mut before: Vec<Vec<Candidate>> = vec![self.at.added.clone()];
+        let mut been = vec![self.at.been()];
         while let Some(k) = next {
             let place = self.at.clone();
             if let Some(step) = self.steps.last_mut() {
@@ -365,12 +384,9 @@ impl Path {
                 self.at.take(null, accepted, report);
             }
             // What is taken and dropped at once would be taken again, and so on; and what it pushed out before it went was there for a reason.
-            let added = &self.at.added;
-            let same = |old: &Vec<Candidate>| {
-                old.len() == added.len() && old.iter().all(|c| added.contains(c))
-            };
-            if before.iter().any(same) {
-                if place.added.len() > added.len() {
+            let here = self.at.been();
+            if been.iter().any(|old| old.has(&here.added)) {
+                if place.added.len() > here.added.len() {
                     self.at = place;
                 }
                 if let Some(step) = self.steps.last_mut() {
@@ -378,16 +394,21 @@ impl Path {
                 }
                 break;
             }
-            before.push(added.clone());
-            if added.len() >= MOST_EFFECTS || self.at.study.work() - begun > most {
+            let as_good = |old: &Been| old.has(&here.added) && here.score < old.score + SAME;
+            let known = others.iter().any(as_good);
+            let full = here.added.len() >= MOST_EFFECTS;
+            been.push(here);
+            if known || full || self.at.study.work() - begun > most {
                 break;
             }
             let at = self.at.current.clone();
-            let (current, step) = step_from(&self.at.study, at, turn, seed, report);
+            let (study, steps) = (&self.at.study, &self.steps);
+            let (current, step) = step_from(study, at, steps, turn, seed, report);
             self.at.current = current;
             next = step.accepted;
             self.steps.push(step);
         }
+        been
     }
 
     /// Whether this model explains the windows better, or as well with fewer constants or with those given less stretched.
@@ -404,6 +425,13 @@ impl Path {
 }
 
 impl Place {
+    fn been(&self) -> Been {
+        Been {
+            added: self.added.clone(),
+            score: self.current.score(0),
+        }
+    }
+
     fn take(&mut self, null: &Fitted, accepted: Contender, report: Report) {
         for candidate in &accepted.added {
             report(&format!(

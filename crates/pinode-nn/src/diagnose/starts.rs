@@ -102,7 +102,7 @@ impl Study {
                 &[],
                 theta.to_vec(),
                 guess.iter().zip(&hidden.means).map(whole).collect(),
-                channels.iter().map(|c| c.noise).collect(),
+                self.observations.noise(),
                 &hidden,
                 &options,
             );

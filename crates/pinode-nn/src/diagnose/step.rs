@@ -88,11 +88,19 @@ impl Turn {
     }
 }
 
-/// One step: what is missing in `current`.
-fn one_step(study: &Study, current: &Fitted, turn: Turn, seed: u64, report: Report) -> Step {
+/// One step: what is missing in `current`, after the steps `before`.
+fn one_step(
+    study: &Study,
+    current: &Fitted,
+    before: &[&Step],
+    turn: Turn,
+    seed: u64,
+    report: Report,
+) -> Step {
     let looking = Looking {
         study,
         current,
+        before,
         first: turn.is_first(),
         seed,
         report,
@@ -134,17 +142,20 @@ fn one_step(study: &Study, current: &Fitted, turn: Turn, seed: u64, report: Repo
     step
 }
 
-/// Steps from `current`; where one constant that is not what the model says explains more than what a step accepts for the tolerances that it relieves, or
-/// where it accepts nothing, again from there. The last step, and from where it was made.
+/// Steps from `current`, to which the steps `before` led; where one constant that is not what the model says explains more than what a step accepts for
+/// the tolerances that it relieves, or where it accepts nothing, again from there. The last step, and from where it was made.
 pub fn step_from(
     study: &Study,
     mut current: Fitted,
+    before: &[Step],
     turn: Turn,
     seed: u64,
     report: Report,
 ) -> (Fitted, Step) {
+    let mut passed: Vec<Step> = Vec::new();
     loop {
-        let step = one_step(study, &current, turn, seed, report);
+        let all: Vec<&Step> = before.iter().chain(&passed).collect();
+        let step = one_step(study, &current, &all, turn, seed, report);
         let released = match step.accepted() {
             Some(accepted) if accepted.comparison.explains() => None,
             Some(accepted) => released(study, &current).filter(|r| is_ahead(r, accepted)),
@@ -155,6 +166,7 @@ pub fn step_from(
         };
         report("a constant of the mechanism is not what its tolerance allows");
         current = released;
+        passed.push(step);
     }
 }
 
@@ -162,6 +174,8 @@ pub fn step_from(
 struct Looking<'a> {
     study: &'a Study,
     current: &'a Fitted,
+    /// The steps that led there.
+    before: &'a [&'a Step],
     /// Whether nothing was found before.
     first: bool,
     seed: u64,
@@ -270,6 +284,8 @@ impl Looking<'_> {
         let enough = (RIVALLING * leading.unwrap_or(0.0)).max(PROMISED.0 * self.samples());
         let rivals = dear.iter();
         let rivals = rivals.filter(|s| s.t2 > self.least_t2() && s.gain > enough);
+        let in_vain = |s: &&Screened| self.before.iter().any(|step| step.was_in_vain(s));
+        let rivals = rivals.filter(|s| !in_vain(s));
         let refined = refine_dear(self.study, self.current, rivals, self.report);
         step.contenders.extend(refined);
         step.choose(self.study, self.current, self.seed);
@@ -294,6 +310,13 @@ impl Looking<'_> {
 }
 
 impl Step {
+    /// Whether what is promised to a candidate again was promised to it here, and a fit explained nothing by it.
+    fn was_in_vain(&self, again: &Screened) -> bool {
+        let promised = |s: &Screened| s.candidate == again.candidate && again.gain <= s.gain;
+        let failed = |c: &Contender| c.added[..] == [again.candidate] && !c.is_rival();
+        self.screened.iter().any(promised) && self.contenders.iter().any(failed)
+    }
+
     fn accepted(&self) -> Option<&Contender> {
         self.contenders.get(self.accepted?)
     }

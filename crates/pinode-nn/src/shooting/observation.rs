@@ -71,6 +71,11 @@ pub struct Observations {
 }
 
 impl Observations {
+    /// Standard deviation of each channel's noise.
+    pub fn noise(&self) -> Vec<f64> {
+        self.channels.iter().map(|c| c.noise).collect()
+    }
+
     /// The median time between two samples, s; 0 without two.
     pub fn typical_interval(&self) -> f64 {
         let runs = self.runs.iter();
