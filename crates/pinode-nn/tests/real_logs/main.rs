@@ -185,7 +185,7 @@ fn an_electronic_oscillator_shows_its_cubic_spring_beside_the_linear_model() {
 /// voltage acts some 10 ms late (least squares on the voltage equation: 0.817 V·s²/m, 5.27 V·s/m, 0.41 V, at a nominal 1.2565 N/V). Which
 /// effect stands for mass and lateness is not asked: a motor that drives the cart through something soft is both.
 #[test]
-#[ignore = "takes five minutes, optimised"]
+#[ignore = "takes two minutes, optimised"]
 fn a_real_cart_shows_its_dead_starts_its_friction_and_that_its_motor_is_late_and_heavy() {
     let Some(path) = recording("quanser_cartpole") else {
         return;
