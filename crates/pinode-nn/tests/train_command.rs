@@ -436,3 +436,36 @@ fn an_interruption_of_a_later_member_tells_how_to_go_on_and_leaves_no_half_writt
         assert!(known, "{name}");
     }
 }
+
+/// An empty folder stayed behind.
+#[cfg(unix)]
+#[test]
+fn an_interruption_before_the_first_epoch_leaves_nothing() {
+    let folder = folder();
+    let folder = folder.path();
+    let child = Command::new(env!("CARGO_BIN_EXE_pinode"))
+        .args(TRAIN.iter().map(|&argument| match argument {
+            "32,32" => "3000,3000", // an epoch takes far longer than the test
+            _ => argument,
+        }))
+        .args(["--out", "new/out"])
+        .current_dir(folder)
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let began = Instant::now();
+    while !folder.join("new/out").exists() && began.elapsed() < Duration::from_secs(60) {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    // The training has just begun.
+    std::thread::sleep(Duration::from_millis(200));
+    let mut interrupt = Command::new("kill");
+    let sent = interrupt.args(["-INT", &child.id().to_string()]).status();
+    assert!(sent.unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(130), "{words}");
+    assert!(words.contains("before the first epoch ended"), "{words}");
+    assert!(!folder.join("new").exists());
+}

@@ -32,13 +32,23 @@ impl Made {
         std::fs::create_dir_all(path).map_err(|e| Error::io(path, e))?;
         Ok(made)
     }
+
+    /// The folders, the deepest first.
+    pub fn folders(&self) -> &[PathBuf] {
+        &self.folders
+    }
 }
 
 impl Drop for Made {
     fn drop(&mut self) {
-        for folder in &self.folders {
-            let _ = std::fs::remove_dir(folder); // refuses a folder with something in it
-        }
+        remove_empty(&self.folders);
+    }
+}
+
+/// Removes folders, the deepest first, that hold nothing else.
+pub(super) fn remove_empty(folders: &[PathBuf]) {
+    for folder in folders {
+        let _ = std::fs::remove_dir(folder); // refuses a folder with something in it
     }
 }
 

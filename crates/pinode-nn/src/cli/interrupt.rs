@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, Once, PoisonError};
 use std::time::Duration;
 
+use super::folder::{Made, remove_empty};
 use crate::diagnose::kept::Kept;
 use crate::disk::nothing_open;
 
@@ -28,6 +29,8 @@ enum Work {
     Training {
         /// Of all members so far, the one under way last.
         checkpoints: Vec<PathBuf>,
+        /// Folders that were made for it, the deepest first.
+        made: Vec<PathBuf>,
     },
 }
 
@@ -48,9 +51,10 @@ impl Interruptible {
         Self::start(Work::Diagnosis { kept, draft }, quiet)
     }
 
-    /// A training, whose last checkpoint among these stays, and those before it.
-    pub fn training(checkpoints: Vec<PathBuf>, quiet: bool) -> Self {
-        Self::start(Work::Training { checkpoints }, quiet)
+    /// A training, whose last checkpoint among these stays, and those before it; without any, folders that were made for it go.
+    pub fn training(checkpoints: Vec<PathBuf>, made: &Made, quiet: bool) -> Self {
+        let made = made.folders().to_vec();
+        Self::start(Work::Training { checkpoints, made }, quiet)
     }
 
     fn start(work: Work, quiet: bool) -> Self {
@@ -100,7 +104,8 @@ fn interrupted() {
                     kept.path().display()
                 )
             }
-            Work::Training { checkpoints } => {
+            Work::Training { checkpoints, made } => {
+                remove_empty(made);
                 match checkpoints.iter().rev().find(|path| path.exists()) {
                     Some(checkpoint) => format!(
                         "interrupted; the last epoch is kept in {}: the same command with --resume goes on from there",

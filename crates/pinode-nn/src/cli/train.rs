@@ -213,7 +213,7 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
     let read = logs.iter().chain(&held_out).map(|log| log.path.as_path());
     let inputs: Vec<&Path> = given.files().into_iter().chain(read).collect();
     refuse_overwriting(&outputs, &inputs)?;
-    let _made = Made::folder(out)?;
+    let made = Made::folder(out)?;
     let training = Training {
         model: &model,
         logs: &logs,
@@ -242,7 +242,7 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
             resume: arguments.resume,
         };
         let so_far = checkpoints[..=k].to_vec();
-        let _interruptible = Interruptible::training(so_far, output.quiet);
+        let _interruptible = Interruptible::training(so_far, &made, output.quiet);
         members.push(train_one(
             &training,
             &options,
@@ -251,7 +251,7 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
             output,
         )?);
     }
-    let interruptible = Interruptible::training(checkpoints.clone(), output.quiet);
+    let interruptible = Interruptible::training(checkpoints.clone(), &made, output.quiet);
     let (band, no_band) = match count {
         1 => (None, None),
         _ => band(&members, &training, &options, output),

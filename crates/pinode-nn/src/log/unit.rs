@@ -17,6 +17,9 @@ const NO_TIME: f64 = 1e11;
 /// A time that is further from 0, s, counts from a day long ago, as 1970.
 pub(super) const LONG_AGO: f64 = 1e8;
 
+/// Samples that are more counts apart than this are few in ms, 20 a second, or many in µs, 20 000 a second: either may be meant.
+const MOST_MS: f64 = 50.0;
+
 /// Steps in ns are longer than this, and those in µs shorter: 0.2 ms, or 0.2 s.
 const LEAST_NS: f64 = 2e5;
 
@@ -84,8 +87,12 @@ pub(super) fn check(
         )));
     }
     Ok((step >= SLOW).then(|| {
+        let or = match step > MOST_MS {
+            true => format!("; {}", cure(&US)),
+            false => String::new(),
+        };
         Problem::general(format!(
-            "{column} is read as seconds: a sample every {step} s, at the median, is few for a motion; {}",
+            "{column} is read as seconds: a sample every {step} s, at the median, is few for a motion; {}{or}",
             cure(&MS)
         ))
     }))
@@ -145,6 +152,13 @@ mod tests {
         let told = said(0.0, 20.0).unwrap().unwrap();
         assert!(
             told.contains("a sample every 20 s") && told.contains("for ms write"),
+            "{told}"
+        );
+        assert!(!told.contains("for µs write"), "50 kHz is no log: {told}");
+        // 5 kHz, if it counts µs.
+        let told = said(0.0, 200.0).unwrap().unwrap();
+        assert!(
+            told.contains("for ms write") && told.contains("for µs write"),
             "{told}"
         );
     }
