@@ -399,6 +399,18 @@ fn a_batch_of_more_windows_than_there_are_is_one_of_all() {
     assert!(output.status.success(), "{words}");
 }
 
+/// What a program says that Ctrl-C ends.
+#[cfg(unix)]
+fn interrupted(child: Child) -> String {
+    let mut interrupt = Command::new("kill");
+    let sent = interrupt.args(["-INT", &child.id().to_string()]).status();
+    assert!(sent.unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(130), "{words}");
+    words
+}
+
 #[cfg(unix)]
 #[test]
 fn an_interruption_of_a_later_member_tells_how_to_go_on_and_leaves_no_half_written_file() {
@@ -420,12 +432,7 @@ fn an_interruption_of_a_later_member_tells_how_to_go_on_and_leaves_no_half_writt
     }
     // The second member has just begun.
     std::thread::sleep(Duration::from_millis(20));
-    let mut interrupt = Command::new("kill");
-    let sent = interrupt.args(["-INT", &child.id().to_string()]).status();
-    assert!(sent.unwrap().success());
-    let output = child.wait_with_output().unwrap();
-    let words = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(130), "{words}");
+    let words = interrupted(child);
     assert!(
         words.contains("the same command with --resume goes on"),
         "{words}"
@@ -460,12 +467,7 @@ fn an_interruption_before_the_first_epoch_leaves_nothing() {
     }
     // The training has just begun.
     std::thread::sleep(Duration::from_millis(200));
-    let mut interrupt = Command::new("kill");
-    let sent = interrupt.args(["-INT", &child.id().to_string()]).status();
-    assert!(sent.unwrap().success());
-    let output = child.wait_with_output().unwrap();
-    let words = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(130), "{words}");
+    let words = interrupted(child);
     assert!(words.contains("before the first epoch ended"), "{words}");
     assert!(!folder.join("new").exists());
 }
