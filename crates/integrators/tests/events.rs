@@ -726,7 +726,7 @@ fn a_row_that_several_laws_hold_at_once_has_no_events_without_end() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 32, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 64, ..ProptestConfig::default() })]
 
     /// Wagons between two walls, friction under each and between neighbours that are also buffers and coupled by springs.
     #[test]

@@ -233,9 +233,8 @@ mod tests {
     use super::super::setup::Prepared;
     use super::*;
     use crate::effect::registry;
-    use crate::smoothing::VISIBLE;
 
-    /// A cart whose encoder sees micrometres took implicit steps, and half an hour, for friction that moved it by a hundredth of what was missing.
+    /// A cart whose encoder sees micrometres took ever shorter steps for its friction, while far more than that was missing.
     #[test]
     fn friction_is_as_sharp_as_what_the_model_leaves_can_see() {
         let (_dir, Prepared { study, null, .. }) = prepared(0.0);

@@ -363,7 +363,7 @@ impl Path {
     }
 
     /// Takes contender `k` of the first step and goes on, by steps of this sort, until nothing is accepted, more work than `most` is done, or it comes to
-    /// where `others` have been with as good a fit, from where it would go their way. Where it has been itself.
+    /// where `others` have been with as good a fit, from where it would go their way. Returns where it has been.
     fn follow(
         &mut self,
         null: &Fitted,
@@ -464,6 +464,38 @@ impl Place {
             let study = std::mem::replace(&mut self.study, study);
             let current = std::mem::replace(&mut self.current, sharp);
             self.smooth = Some((study, current));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+    use crate::effect::registry;
+
+    #[test]
+    fn two_ways_meet_where_they_have_the_same_names_in_any_order() {
+        let on_the_first = |name| Candidate {
+            kind: registry::find(name).unwrap(),
+            target: 0,
+        };
+        let [drag, delay, gain] =
+            ["quadratic_drag", "input_delay", "input_gain_error"].map(on_the_first);
+        let been = Been {
+            added: vec![drag, delay],
+            score: 0.0,
+        };
+        assert!(been.has(&[drag, delay]) && been.has(&[delay, drag]));
+        let elsewhere = Candidate { target: 1, ..drag };
+        for other in [
+            &[drag][..],
+            &[drag, gain],
+            &[drag, delay, gain],
+            &[elsewhere, delay],
+        ] {
+            assert!(!been.has(other), "{other:?}");
         }
     }
 }

@@ -463,3 +463,45 @@ fn is_numerically_sound(study: &Study, current: &Fitted, contender: &Contender) 
     (finer.nearly_explains() || (contender.comparison.relieves() && finer.relieves()))
         && finer.total() > (1.0 - NUMERICAL) * contender.comparison.total()
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::panic)]
+
+    use super::super::pushes::tests::prepared_with;
+    use super::super::refine::contender;
+    use super::super::setup::Prepared;
+    use super::*;
+
+    #[test]
+    fn what_explained_nothing_is_asked_again_where_it_is_promised_more() {
+        let (_dir, Prepared { study, null, .. }) = prepared_with(0.0, 0.8);
+        let ranked = screen::screen(&study, &null, |_| true).ranked;
+        let [asked, another] = &ranked[..2] else {
+            panic!("a brake promises something to several laws")
+        };
+        // A fit that changed nothing, and one that explains.
+        let failed = contender(&study, vec![asked.candidate], null.clone(), &null);
+        let mut rival = failed.clone();
+        rival.is_sensible = true;
+        for paired in [&mut rival.comparison.inside, &mut rival.comparison.outside] {
+            paired.z = 9.0;
+        }
+        (rival.comparison.inside_gain, rival.comparison.outside_gain) = (1.0, 1.0);
+        let step = |contender: &Contender| Step {
+            screened: vec![asked.clone()],
+            contenders: vec![contender.clone()],
+            accepted: None,
+        };
+        let promised = |gain: f64| Screened {
+            gain,
+            ..asked.clone()
+        };
+        let (before, in_vain) = (asked.gain, step(&failed));
+        assert!(in_vain.was_in_vain(&promised(before)));
+        assert!(in_vain.was_in_vain(&promised(0.5 * before)));
+        assert!(!in_vain.was_in_vain(&promised(1.01 * before)));
+        assert!(!in_vain.was_in_vain(another), "another law");
+        assert!(!step(&rival).was_in_vain(&promised(before)));
+    }
+}
