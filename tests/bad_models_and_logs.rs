@@ -1,5 +1,4 @@
 //! Faulty models and logs: each gives an error that names the culprit and its place; none panics or takes long.
-#![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};

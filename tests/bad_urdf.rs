@@ -1,5 +1,4 @@
 //! URDFs good and bad: energies against independent engines, and every fault reported with its culprit, quickly, without a panic.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};

@@ -1,21 +1,13 @@
 //! Equations of motion against formulas written out by hand, and against independent engines.
-#![allow(clippy::unwrap_used, clippy::panic)] // helpers of tests
-
-mod common {
-    pub mod load;
-    pub mod motion;
-    pub mod oracle;
-    pub mod written;
-}
 
 use std::path::Path;
 
-use common::load::tree;
-use common::motion::advance;
-use common::oracle::{
+use crate::common::load::tree;
+use crate::common::motion::advance;
+use crate::common::oracle::{
     Agreement, Order, folder, from_sympy, json, numbers, on_a_chain_of_angles, texts,
 };
-use common::written::{cart_pole_as_text, double_pendulum_as_text, model, text};
+use crate::common::written::{cart_pole_as_text, double_pendulum_as_text, model, text};
 use lagrange::mechanism::{Angles, PoseForm};
 use lagrange::urdf::Options;
 use lagrange::{ForwardDynamicsDerivatives, Mechanics, TextSource};

@@ -1,14 +1,8 @@
 //! Every call for eight states against the call for one, lane by lane: random trees on a fixed and a floating base, with planar joints
 //! and with joints that follow others, energies in text by programs and by dual numbers, and a constrained mechanism.
-#![allow(clippy::unwrap_used, clippy::panic)] // helpers of tests
 
-mod common {
-    pub mod load;
-    pub mod random_tree;
-}
-
-use common::load::tree;
-use common::random_tree::{body, urdf};
+use crate::common::load::tree;
+use crate::common::random_tree::{body, urdf};
 use lagrange::constraint::{Constrained, Constraint};
 use lagrange::urdf::Options;
 use lagrange::{

@@ -1,19 +1,11 @@
 //! Without applied forces the total energy T + V stays; what the integrator loses falls with the fourth power of its step.
-#![allow(clippy::unwrap_used, clippy::panic)] // helpers of tests
-
-mod common {
-    pub mod load;
-    pub mod motion;
-    pub mod random_tree;
-    pub mod written;
-}
 
 use std::path::Path;
 
-use common::load::tree;
-use common::motion::advance;
-use common::random_tree::{body, urdf};
-use common::written::{cart_pole_as_text, double_pendulum_as_text, model};
+use crate::common::load::tree;
+use crate::common::motion::advance;
+use crate::common::random_tree::{body, urdf};
+use crate::common::written::{cart_pole_as_text, double_pendulum_as_text, model};
 use lagrange::mechanism::Tree;
 use lagrange::urdf::Options;
 use lagrange::{Dynamics, Mechanics};

@@ -1,7 +1,6 @@
 //! The workflow on rig logs in which an effect is hidden, and on logs in which nothing is.
 //!
 //! The rig integrates, rubs and measures by its own code; the diagnosis sees the log and the user's model alone.
-#![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::collections::BTreeMap;
 use std::path::Path;

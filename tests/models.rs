@@ -1,6 +1,5 @@
 //! The mechanisms of `models/`: every file loads, and where one mechanism is there from its bodies and from its energies, both give
 //! the same equations of motion.
-#![allow(clippy::unwrap_used, clippy::panic)] // helpers of tests
 
 use std::path::{Path, PathBuf};
 

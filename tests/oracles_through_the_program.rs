@@ -1,5 +1,4 @@
 //! `pinode dynamics` and `pinode simulate`, from a model file to printed numbers, against independent engines.
-#![allow(clippy::unwrap_used, clippy::panic)] // helpers of tests
 
 mod common {
     pub mod oracle;

@@ -1,13 +1,7 @@
 //! What holds for every mechanism, on random trees of one to eight bodies.
-#![allow(clippy::unwrap_used, clippy::panic)] // helpers of tests
 
-mod common {
-    pub mod load;
-    pub mod random_tree;
-}
-
-use common::load::tree;
-use common::random_tree::{RandomBody, body, urdf};
+use crate::common::load::tree;
+use crate::common::random_tree::{RandomBody, body, urdf};
 use lagrange::equations::reference;
 use lagrange::mechanism::Tree;
 use lagrange::urdf::{Options, Urdf};

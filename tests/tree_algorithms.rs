@@ -1,14 +1,8 @@
 //! The algorithms for trees against Euler–Lagrange by dual numbers, on random trees of one to forty joints: planar joints among them,
 //! on a fixed base and on a floating one.
-#![allow(clippy::unwrap_used, clippy::panic)] // helpers of tests
 
-mod common {
-    pub mod load;
-    pub mod random_tree;
-}
-
-use common::load::tree;
-use common::random_tree::{RandomBody, body, urdf};
+use crate::common::load::tree;
+use crate::common::random_tree::{RandomBody, body, urdf};
 use lagrange::equations::adjoint;
 use lagrange::mechanism::Tree;
 use lagrange::urdf::Options;

@@ -1,5 +1,4 @@
 //! The paper's rig as an environment: it is the rig of the recordings, and what runs on a model runs on it.
-#![allow(clippy::unwrap_used)]
 
 use std::f64::consts::{PI, TAU};
 use std::path::PathBuf;

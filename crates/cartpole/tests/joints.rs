@@ -1,5 +1,4 @@
 //! The rigs of a Furuta pendulum and of an arm with seven joints, against physics and their own promises.
-#![allow(clippy::unwrap_used, clippy::panic)] // helpers of tests
 
 use std::path::{Path, PathBuf};
 

@@ -1,5 +1,4 @@
 //! The paper's rig (Roehrl et al. 2020): its recordings have the paper's statistics, and its true motion is what was recorded.
-#![allow(clippy::unwrap_used)]
 
 use std::path::PathBuf;
 

@@ -1,5 +1,4 @@
 //! The program `cartpole` as its users see it.
-#![allow(clippy::unwrap_used)]
 
 use std::path::Path;
 use std::process::{Command, Output};

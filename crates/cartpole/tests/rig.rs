@@ -1,5 +1,5 @@
 //! The virtual rig against physics, against its own promises, and against closed forms.
-#![allow(clippy::unwrap_used, clippy::panic, clippy::needless_range_loop)] // helpers of tests; i counts joints
+#![allow(clippy::needless_range_loop)] // i counts joints
 
 use std::path::{Path, PathBuf};
 

@@ -1,5 +1,5 @@
 //! What the rig can hide, against closed forms.
-#![allow(clippy::unwrap_used, clippy::panic, clippy::needless_range_loop)] // helpers of tests; k counts rows
+#![allow(clippy::needless_range_loop)] // k counts rows
 
 use std::f64::consts::TAU;
 use std::path::Path;

@@ -1,5 +1,4 @@
 //! Several effects at once, wrong masses, laws of other forms and small disturbances.
-#![allow(clippy::unwrap_used)]
 
 use std::path::Path;
 

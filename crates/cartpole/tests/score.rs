@@ -1,5 +1,4 @@
 //! The bench of the naming, on short logs.
-#![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,5 @@
 //! Adaptive and stiff roll-outs: errors follow tolerances, the method follows the motion, inputs are held, and what cannot be rolled
 //! out says why.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use std::convert::Infallible;
 use std::sync::atomic::{AtomicUsize, Ordering};

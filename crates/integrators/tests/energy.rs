@@ -1,8 +1,6 @@
 //! Energy over a million steps where nothing is lost; over fewer where steps cost more. Of these `examples/energy.rs` takes the two pendulums to
 //! the million; the heavy top goes 100,000 steps here and nowhere further.
 
-#![allow(clippy::panic)]
-
 use integrators::problems::{Conservative, DoublePendulum, HeavyTop, Kepler, Pendulum};
 use integrators::{
     Heun, Method, NotSeparable, Order, Rk4, StormerVerlet, SymplecticEuler, Variational,

@@ -1,11 +1,8 @@
 //! Many roll-outs at once against one at a time.
 
-#![allow(clippy::unwrap_used)] // helpers of tests
-
-mod systems;
-
 use std::convert::Infallible;
 
+use crate::systems::{Pendulum, Top};
 use integrators::ensemble::{
     LANES, LaneMember, LaneSystem, Member, RolledOut, gradients, roll_outs, roll_outs_in_lanes,
 };
@@ -13,7 +10,6 @@ use integrators::gradient::{Adjoint, GradientError, RollOutGradient, Schedule};
 use integrators::{
     Flat, Gradient, Heun, PhaseSpace, Rk4, RollOutError, Rotation, StepError, System, roll_out,
 };
-use systems::{Pendulum, Top};
 
 /// Evaluates the rate lane by lane, with the same rounding.
 fn lane_by_lane<S: System>(

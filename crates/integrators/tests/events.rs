@@ -1,5 +1,4 @@
 //! Dry friction, stops and impacts against motions that are known.
-#![allow(clippy::unwrap_used, clippy::panic)] // helpers of tests
 
 use std::convert::Infallible;
 use std::f64::consts::PI;

@@ -1,13 +1,10 @@
 //! Gradients of roll-outs by six ways that must agree: backwards, forwards, complex step, dual numbers, finite differences, and
 //! backwards again with less memory.
 
-#![allow(clippy::unwrap_used)] // helpers of tests
-
-mod systems;
-
 use std::convert::Infallible;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use crate::systems::{DualKepler, DualPendulum, Kepler, Pendulum, Top};
 use integrators::gradient::{
     Adjoint, Column, DualOde, DualRate, Explicit, GradientError, RollOutGradient, Schedule,
     Sensitivity,
@@ -19,7 +16,6 @@ use nalgebra::DMatrix;
 use num_complex::Complex64;
 use num_dual::{Dual64, DualNum};
 use proptest::prelude::*;
-use systems::{DualKepler, DualPendulum, Kepler, Pendulum, Top};
 
 /// Times with intervals of different lengths.
 fn times(samples: usize, mean: f64) -> Vec<f64> {

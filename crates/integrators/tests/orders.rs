@@ -4,8 +4,6 @@
 //! error and rounding are small. The error is the largest component of the motion from the exact state to the one reached, so that an
 //! attitude counts by its angle. Robertson's and van der Pol's problems are stiff: no method here is for them.
 
-#![allow(clippy::panic)]
-
 use integrators::problems::{
     DoublePendulum, DrivenOscillator, HarmonicOscillator, HeavyTop, Kepler, LinearDecay, Pendulum,
     Problem, RigidBody,

@@ -1,8 +1,6 @@
 //! The test problems against themselves: solutions obey their equations, derivatives are those of the rates, and the parts of a
 //! mechanical problem belong to one Lagrangian.
 
-#![allow(clippy::unwrap_used)]
-
 use approx::assert_abs_diff_eq;
 use integrators::problems::{
     Conservative, DoublePendulum, DrivenOscillator, HarmonicOscillator, HeavyTop, Kepler,

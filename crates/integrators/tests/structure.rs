@@ -1,10 +1,6 @@
 //! What methods keep: the symplectic form, the direction of time, momenta, the length of quaternions; and what they refuse.
 
-#![allow(clippy::unwrap_used, clippy::panic)]
-
-mod counted;
-
-use counted::Counted;
+use crate::counted::Counted;
 use integrators::problems::{
     DoublePendulum, HarmonicOscillator, HeavyTop, Kepler, Pendulum, Problem, RigidBody,
 };

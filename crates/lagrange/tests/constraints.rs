@@ -1,7 +1,4 @@
 //! Mechanisms under holonomic constraints, against closed forms and against the same mechanisms in independent coordinates.
-#![allow(clippy::unwrap_used, clippy::panic)] // helpers of tests
-
-mod rows;
 
 use integrators::Rk4;
 use lagrange::constraint::{Constrained, Constraint};
@@ -178,7 +175,7 @@ fn check_derivatives<M: Mechanics>(
     (q, v, force): (&[f64], &[f64], &[f64]),
     tolerance: f64,
 ) {
-    rows::assert_product(mechanism, (q, v, force));
+    crate::rows::assert_product(mechanism, (q, v, force));
     let p = mechanism.nominal();
     let constants: Vec<usize> = (0..p.len()).collect();
     let at = derivatives(mechanism, (q, v, force), &p, &constants);

@@ -1,5 +1,4 @@
 //! Formulas as text: what they mean, and what is said about those that mean nothing.
-#![allow(clippy::panic, clippy::unwrap_used, clippy::expect_used)] // helpers of tests
 
 use approx::assert_relative_eq;
 use lagrange::{Expression, caret};

@@ -1,5 +1,4 @@
 //! Equations of motion as formulas: as a textbook has them, and equal to the numbers wherever they are parsed or compiled again.
-#![allow(clippy::panic, clippy::unwrap_used, clippy::expect_used)] // helpers of tests
 
 use std::path::Path;
 use std::process::Command;

@@ -1,18 +1,13 @@
 //! Linkages of `models/` against closed forms of their kinematics, against the same mechanism in one coordinate, and over long runs.
-#![allow(clippy::unwrap_used, clippy::panic)] // helpers of tests
-
-#[path = "../../../tests/common/load.rs"]
-mod load;
-mod rows;
 
 use std::path::Path;
 
+use crate::common::load::tree;
 use integrators::Rk4;
 use lagrange::constraint::{Constrained, LinkPoint, Loop, Loops};
 use lagrange::mechanism::Tree;
 use lagrange::urdf::Options;
 use lagrange::{Dynamics, Error, ForwardDynamicsDerivatives, Mechanics};
-use load::tree;
 use nalgebra::{DVector, Vector3};
 
 type Linkage = Constrained<Dynamics<Tree>, Loops>;
@@ -394,9 +389,9 @@ fn a_row_times_the_derivatives_of_a_linkage_is_one_sweep() {
             let shift = wave(0.02, phase);
             let q: Vec<f64> = near.iter().zip(&shift).map(|(q, d)| q + d).collect();
             let (v, force) = (wave(speed, 2.0 * phase), wave(3.0, 3.0 * phase));
-            rows::assert_product(linkage, (&q, &v, &force));
+            crate::rows::assert_product(linkage, (&q, &v, &force));
             let (q, v) = linkage.project(&q, &v).unwrap();
-            rows::assert_product(linkage, (&q, &v, &force));
+            crate::rows::assert_product(linkage, (&q, &v, &force));
         }
     }
 }
@@ -437,8 +432,8 @@ fn a_row_times_the_derivatives_of_a_loop_over_a_joint_that_follows_another() {
     let follower = Constrained::near(free, loops, &start).unwrap();
     assert_eq!((follower.nv(), follower.names().len()), (3, 2));
     let (v, force) = ([0.8, -0.3, 1.2], [0.4, 2.0, -1.0]);
-    rows::assert_product(&follower, (&start, &v, &force));
-    rows::assert_product(&follower, (&[0.33, -0.12, 0.6], &v, &force));
+    crate::rows::assert_product(&follower, (&start, &v, &force));
+    crate::rows::assert_product(&follower, (&[0.33, -0.12, 0.6], &v, &force));
 }
 
 /// Two equal cranks of length `r` on pivots `d` apart, joined by a coupler of length `d`: a parallelogram.
@@ -671,9 +666,9 @@ fn a_floating_body_on_a_pin_turns_about_it() {
 
     // Derivatives along the velocities of the body.
     let push: Vec<f64> = (0..6).map(|i| (1.3 * f64::from(i)).sin()).collect();
-    rows::assert_product(&top, (&q, &v, &push));
+    crate::rows::assert_product(&top, (&q, &v, &push));
     let off = [q[0] + 0.02, q[1], q[2] - 0.03, q[3], q[4], q[5], q[6]];
-    rows::assert_product(&top, (&off, &[0.3, -0.2, 0.5, 2.0, -1.0, 3.0], &push));
+    crate::rows::assert_product(&top, (&off, &[0.3, -0.2, 0.5, 2.0, -1.0, 3.0], &push));
     let at = top.forward_dynamics_derivatives(&q, &v, &push).unwrap();
     for j in 0..6 {
         let accelerate = |h: f64| {

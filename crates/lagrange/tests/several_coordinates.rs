@@ -1,5 +1,4 @@
 //! Planar and floating joints and floating bases: their coordinates, where they take their links, and what is said of them.
-#![allow(clippy::unwrap_used, clippy::panic)] // helpers of tests
 
 use std::f64::consts::FRAC_PI_2;
 

@@ -1,5 +1,4 @@
 //! Mechanisms whose energies are text: against closed forms, and what is said about faulty ones.
-#![allow(clippy::panic, clippy::unwrap_used, clippy::expect_used)] // helpers of tests
 
 use std::path::Path;
 

@@ -1,5 +1,4 @@
 //! A URDF that is written and read again is the same mechanism.
-#![allow(clippy::unwrap_used, clippy::panic)] // helpers of tests
 
 use std::path::{Path, PathBuf};
 

@@ -1,5 +1,4 @@
 //! Free runs whose steps adapt: beside fixed steps, energy, stiff mechanisms, inputs that are held, closed loops, what is refused.
-#![allow(clippy::unwrap_used, clippy::panic)] // helpers of tests
 
 use std::path::Path;
 use std::sync::Arc;

@@ -1,5 +1,4 @@
 //! Backlash, whose motor the mechanism has in its masses: against models in which that is made by hand.
-#![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::path::Path;
 

@@ -1,5 +1,4 @@
 //! The program as its users see it: streams, exit codes, numbers.
-#![allow(clippy::unwrap_used)]
 #![cfg(feature = "cli")]
 
 use std::path::{Path, PathBuf};

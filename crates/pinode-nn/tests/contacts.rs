@@ -1,5 +1,4 @@
 //! Dry friction that sticks in free runs of models, and the smoothed friction of fits against it.
-#![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::path::{Path, PathBuf};
 

@@ -2,7 +2,6 @@
 //!
 //! The logs are of m ẍ + c ẋ + k x = u + push, solved exactly over steps of 0.2 ms in which u + push − k x is held; none of the code
 //! under test makes them.
-#![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::path::Path;
 

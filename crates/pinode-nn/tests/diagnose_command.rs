@@ -1,5 +1,4 @@
 //! `pinode diagnose` as its users see it: streams, exit codes, files, and the name of a friction that was put into the log.
-#![allow(clippy::unwrap_used)]
 #![cfg(feature = "cli")]
 
 use std::path::Path;

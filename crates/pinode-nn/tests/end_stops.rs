@@ -1,5 +1,4 @@
 //! End stops: compliant in fits, hard in runs with contacts, and the two against each other and against closed forms.
-#![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::path::{Path, PathBuf};
 

@@ -1,5 +1,4 @@
 //! An ensemble of networks: the force is the mean of its members, and how far their roll-outs are apart is told.
-#![allow(clippy::unwrap_used)]
 #![cfg(feature = "cli")]
 
 use std::path::Path;

@@ -1,5 +1,4 @@
 //! `pinode equations`: what it prints is what `pinode dynamics` computes.
-#![allow(clippy::unwrap_used)]
 #![cfg(feature = "cli")]
 
 use std::path::Path;

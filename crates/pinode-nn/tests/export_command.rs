@@ -1,5 +1,4 @@
 //! `pinode export` as its users see it: an ONNX file a network, and what stands in its columns.
-#![allow(clippy::unwrap_used)]
 #![cfg(feature = "cli")]
 
 use std::path::{Path, PathBuf};

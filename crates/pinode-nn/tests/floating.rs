@@ -1,5 +1,4 @@
 //! Models whose base floats, and planar joints: from the model file to the trajectory.
-#![allow(clippy::unwrap_used, clippy::panic)]
 #![cfg(feature = "cli")]
 
 use std::path::Path;

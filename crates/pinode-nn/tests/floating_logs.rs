@@ -3,7 +3,6 @@
 //! J ω̇ + A ẇ a = −ω × (J ω + A w a),  A (a·ω̇ + ẇ) = τ − drag(w)
 //!
 //! ω in the body's axes, J with the wheel in it, a the axis of the wheel, w its speed against the body, A its inertia about a.
-#![allow(clippy::unwrap_used, clippy::panic)]
 #![cfg(feature = "cli")]
 
 use std::fmt::Write;

@@ -1,5 +1,4 @@
 //! Effects that change the mechanics: against models in which the change is made by hand.
-#![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::path::{Path, PathBuf};
 

@@ -1,5 +1,4 @@
 //! A network is warned of where a roll-out leaves what it was trained on: the quantity, the time and the value are those of the motion.
-#![allow(clippy::unwrap_used)]
 
 use std::path::Path;
 

@@ -1,5 +1,4 @@
 //! Model files: those of the repository load, and a revised one reads back as what was written.
-#![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::path::{Path, PathBuf};
 

@@ -1,5 +1,4 @@
 //! Mechanisms as systems of `integrators`: derivatives against differences, order of the methods, energy and momenta over long runs.
-#![allow(clippy::unwrap_used, clippy::panic)] // helpers of tests
 
 use std::path::Path;
 use std::sync::Arc;

@@ -1,5 +1,4 @@
 //! Roll-outs of the cart-pole with every kind of effect at once: exact sensitivities against differences.
-#![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::path::Path;
 use std::sync::Arc;

@@ -1,7 +1,6 @@
 //! What a network learns beside effects with a memory and behind sensors that distort is the force that is missing, and no more than that.
 //!
 //! The logs are of a sledge whose friction no effect has, integrated here by midpoint steps of 0.5 ms.
-#![allow(clippy::unwrap_used)]
 
 use pinode_nn::learnt::Quantity;
 use pinode_nn::log::Log;

@@ -1,5 +1,4 @@
 //! `pinode train` as its users see it: a force that no effect in the library has is learnt from a log, and what was learnt is a model.
-#![allow(clippy::unwrap_used)]
 #![cfg(feature = "cli")]
 
 use std::path::Path;

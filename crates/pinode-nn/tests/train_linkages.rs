@@ -2,7 +2,6 @@
 //! leaves, the crank's angle θ, here:
 //!
 //! I(θ) θ̈ + ½ I′(θ) θ̇² + V′(θ) = u − d (ds/dθ)² θ̇ − brake(θ̇)
-#![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::path::{Path, PathBuf};
 

@@ -96,3 +96,11 @@ fn tell(how: &str, diagnosis: &Diagnosis) {
         diagnosis.gap.after
     );
 }
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_brake_is_found_once_it_is_registered() -> Result<(), Box<dyn std::error::Error>> {
+        super::main()
+    }
+}

@@ -1,6 +1,6 @@
 //! Models that are heavier than what they stand for: less mass and less inertia have their names too.
 
-use crate::pendulum::*;
+use super::pendulum::*;
 use pinode_nn::diagnose::diagnose;
 use pinode_nn::diagnose::verdict::Diagnosis;
 use pinode_nn::log::{Log, Run};

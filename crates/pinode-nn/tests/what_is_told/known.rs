@@ -1,6 +1,6 @@
 //! Effects that the model has as `fixed`: what is known exactly stays, and more of its kind may act beside it.
 
-use crate::pendulum::*;
+use super::pendulum::*;
 use pinode_nn::diagnose::verdict::{Diagnosis, Verdict};
 
 /// The only effect that was found, of this kind and beside a fixed one, and its only parameter.

@@ -1,6 +1,6 @@
 //! Friction that sticks.
 
-use crate::pendulum::*;
+use super::pendulum::*;
 use pinode_nn::diagnose::verdict::Diagnosis;
 
 const FORCE: f64 = 0.2;

@@ -1,5 +1,4 @@
 //! Logs in other formats than CSV: the same recording, written by other programs (`data/logs/make.py`), is the same log.
-#![allow(clippy::unwrap_used, clippy::panic)]
 #![cfg(any(feature = "mcap", feature = "parquet"))]
 
 #[cfg(feature = "mcap")]

@@ -1,5 +1,4 @@
 //! The diagnosis on real recordings, against what their publishers found. Skipped, loudly, where the recordings are not.
-#![allow(clippy::unwrap_used)]
 
 mod positioning_table;
 
