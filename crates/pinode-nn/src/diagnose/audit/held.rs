@@ -6,6 +6,8 @@
 
 use std::ops::Range;
 
+use super::noise::Readings;
+
 /// The jump at the end of a hold is at least so many times the sensor's noise …
 const JUMP: f64 = 10.0;
 /// … and so many times the largest step of the motion around it: where that goes on the same way through the hold …
@@ -28,24 +30,28 @@ pub fn holds(y: &[f64], noise: f64, scatters: bool) -> Vec<[usize; 2]> {
         .collect()
 }
 
-/// The parts of `y` between long repetitions of one reading: of a sensor that freezes, what it read before.
-pub fn moving(y: &[f64]) -> Vec<Vec<f64>> {
-    let long = repetitions(y, 0.0)
+/// The parts between long repetitions of one reading: of a sensor that freezes, what it read before.
+pub fn moving(readings: Readings) -> Vec<Readings> {
+    let long = repetitions(readings.y, 0.0)
         .into_iter()
         .filter(|r| r.len() >= FROZEN);
     let long: Vec<[usize; 2]> = long.map(|r| [r.start, r.end - 1]).collect();
-    without(y, &long)
+    without(readings, &long)
 }
 
-/// The parts of `y` between its holds.
-pub fn without(y: &[f64], holds: &[[usize; 2]]) -> Vec<Vec<f64>> {
+/// The parts between holds.
+pub fn without<'a>(Readings { t, y }: Readings<'a>, holds: &[[usize; 2]]) -> Vec<Readings<'a>> {
+    let part = |range: Range<usize>| {
+        let (t, y) = (t.get(range.clone())?, y.get(range)?);
+        Some(Readings { t, y })
+    };
     let mut parts = Vec::new();
     let mut start = 0;
     for &[first, last] in holds {
-        parts.extend(y.get(start..first).map(<[f64]>::to_vec));
+        parts.extend(part(start..first));
         start = last + 1;
     }
-    parts.extend(y.get(start..).map(<[f64]>::to_vec));
+    parts.extend(part(start..y.len()));
     parts
 }
 
@@ -152,7 +158,11 @@ mod tests {
         let held = y[0];
         y[..30].fill(held);
         assert_eq!(holds(&y, 1e-3, true), [[1, 29], [400, 429], [2400, 2999]]);
-        let left: usize = moving(&y).iter().map(Vec::len).sum();
+        let t: Vec<f64> = (0..y.len()).map(|k| k as f64 * 0.02).collect();
+        let left: usize = moving(Readings { t: &t, y: &y })
+            .iter()
+            .map(|part| part.y.len())
+            .sum();
         assert_eq!(left, 3000 - 29 - 30 - 600);
     }
 

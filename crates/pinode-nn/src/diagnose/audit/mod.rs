@@ -24,7 +24,7 @@ use crate::shooting::{Channel, Observations, ObservedRun};
 
 pub use excitation::excitation;
 pub use masked::Masked;
-use noise::is_difference;
+use noise::{Readings, is_difference};
 pub use noise::{median, noise};
 pub use second_look::second_look;
 use slips::{Slip, Slipped};
@@ -107,6 +107,7 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
         });
     }
 
+    let (times, rounded) = stamps::times(&all);
     let mut faults = Vec::new();
     let mut valid: Vec<Vec<Vec<bool>>> = Vec::new();
     let mut slipped: Vec<Slipped> = Vec::new();
@@ -150,11 +151,16 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
             false => LEAST_OF_POSITIONS,
             true => LEAST_OF_VELOCITIES,
         };
-        let moving: Vec<Vec<f64>> = smooth.iter().flat_map(|y| held::moving(y)).collect();
+        let readings: Vec<Readings> = times
+            .iter()
+            .zip(&smooth)
+            .map(|(t, y)| Readings { t, y })
+            .collect();
+        let moving: Vec<Readings> = readings.iter().flat_map(|r| held::moving(*r)).collect();
         let scatters = noise::scatters(&moving);
         let rough = match scatters {
             true => noise(&moving),
-            false => noise(&smooth),
+            false => noise(&readings),
         };
         let rough = of_sensor(rough, declared, quantum, (&smooth, least));
         let holds: Vec<Vec<[usize; 2]>> = smooth
@@ -162,9 +168,9 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
             .map(|y| held::holds(y, rough, scatters))
             .collect();
         // What is held has no noise.
-        let parts = smooth.iter().zip(&holds);
-        let parts: Vec<Vec<f64>> = parts
-            .flat_map(|(y, holds)| held::without(y, holds))
+        let parts = readings.iter().zip(&holds);
+        let parts: Vec<Readings> = parts
+            .flat_map(|(readings, holds)| held::without(*readings, holds))
             .collect();
         let seen = noise(&parts);
         faults.extend(noise_fault(seen, declared, (&column_name, &unit)));
@@ -179,12 +185,12 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
                 .map(|((run, y), holds)| slips::slips(&run.t, y, holds, channel.noise))
                 .collect(),
         };
-        let mut marked: Vec<Vec<bool>> = smooth
+        let mut marked: Vec<Vec<bool>> = readings
             .iter()
             .zip(&holds)
             .zip(&slips)
-            .map(|((y, holds), slips)| {
-                let mut valid = outliers::without_outliers(y, channel.noise);
+            .map(|((readings, holds), slips)| {
+                let mut valid = outliers::without_outliers(*readings, channel.noise);
                 // A jump at the end of a hold, and one that stays, is no reading that stands alone.
                 let slips = slips.iter().map(|slip| [slip.at, slip.at - 1]);
                 for [first, last] in holds.iter().copied().chain(slips) {
@@ -233,7 +239,6 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
         valid.push(marked);
     }
     faults.extend(clock::clock_faults(&all, &mut masked));
-    let (times, rounded) = stamps::times(&all);
     faults.extend(rounded);
     for (counting, end) in
         counting

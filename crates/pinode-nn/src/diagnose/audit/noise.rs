@@ -1,22 +1,38 @@
 //! Noise of the sensors, from their readings alone.
 
-/// Noise of a sensor, from its readings alone: 1.4826 · median |Δᵐ y| / √(2m choose m), the smaller of m = 4 and m = 6. Differences
-/// of that order remove the motion; what is left of a fast one makes the lower order the larger.
-pub fn noise(runs: &[Vec<f64>]) -> f64 {
-    of_order(runs, 4).min(of_order(runs, 6))
+/// Readings in a row, and when they were taken, s.
+#[derive(Debug, Clone, Copy)]
+pub struct Readings<'a> {
+    /// The times, ascending.
+    pub t: &'a [f64],
+    /// What was read.
+    pub y: &'a [f64],
 }
 
-fn of_order(runs: &[Vec<f64>], m: usize) -> f64 {
+/// Noise of a sensor, from its readings alone: 1.4826 · median |Σ w y| / √(Σ w²), with the weights wⱼ = Π 1/(tⱼ − tᵢ) of the divided difference of order
+/// m over m + 1 readings, the smaller of m = 4 and m = 6. Differences of that order remove the motion, however unevenly it was sampled; what is left of a
+/// fast one makes the lower order the larger.
+pub fn noise(parts: &[Readings]) -> f64 {
+    of_order(parts, 4).min(of_order(parts, 6))
+}
+
+fn of_order(parts: &[Readings], m: usize) -> f64 {
     let mut size: Vec<f64> = Vec::new();
-    for run in runs {
-        let mut d = run.clone();
-        for _ in 0..m {
-            d = d.windows(2).map(|p| p[1] - p[0]).collect();
-        }
-        size.extend(d.into_iter().map(f64::abs));
+    for part in parts {
+        let readings = part.t.windows(m + 1).zip(part.y.windows(m + 1));
+        size.extend(readings.map(|(t, y)| {
+            let unit = (t[m] - t[0]) / m as f64;
+            let (mut sum, mut squares) = (0.0, 0.0);
+            for (j, at) in t.iter().enumerate() {
+                let others = t.iter().enumerate().filter(|(i, _)| *i != j);
+                let weight: f64 = others.map(|(_, other)| unit / (at - other)).product();
+                sum += weight * (y[j] - y[0]);
+                squares += weight * weight;
+            }
+            sum.abs() / squares.sqrt()
+        }));
     }
-    let binomial: f64 = (1..=m).map(|k| (m + k) as f64 / k as f64).product();
-    1.4826 * median(&mut size) / binomial.sqrt()
+    1.4826 * median(&mut size)
 }
 
 /// Two orders of differences find the same noise to this part of it where there is some; what a motion leaves falls by much more.
@@ -27,9 +43,9 @@ const ROUNDING: f64 = 1e-6;
 
 /// Whether the readings scatter: what differences of higher order leave is noise and no motion, and more than the least step between two readings. Rounding
 /// looks like noise in a motion, by a sensor as well as by a file's digits, and is none at rest.
-pub fn scatters(runs: &[Vec<f64>]) -> bool {
-    let (six, eight) = (of_order(runs, 6), of_order(runs, 8));
-    let steps = runs.iter().flat_map(|y| y.windows(2));
+pub fn scatters(parts: &[Readings]) -> bool {
+    let (six, eight) = (of_order(parts, 6), of_order(parts, 8));
+    let steps = parts.iter().flat_map(|part| part.y.windows(2));
     let steps = steps.map(|p| (p[1] - p[0]).abs());
     let least = steps.filter(|d| *d > ROUNDING * six);
     eight > SAME * six && six > least.fold(f64::INFINITY, f64::min)
@@ -82,18 +98,43 @@ mod tests {
     #![allow(clippy::unwrap_used)]
 
     use super::*;
-    use rand::SeedableRng;
+    use rand::{RngExt, SeedableRng};
     use rand_distr::{Distribution, Normal};
 
+    /// Intervals of 20 ms, but for a part of them by which each may be longer or shorter.
+    fn clock(uneven: f64) -> Vec<f64> {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(8);
+        let mut t = 0.0;
+        let mut next = || {
+            t += 0.02 * (1.0 + uneven * rng.random_range(-1.0..1.0));
+            t
+        };
+        (0..3000).map(|_| next()).collect()
+    }
+
     #[test]
-    fn noise_is_found_under_motion() {
+    fn noise_is_found_under_motion_however_it_was_sampled() {
         let normal = Normal::new(0.0, 1e-3).unwrap();
-        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
-        let y: Vec<f64> = (0..3000)
-            .map(|k| 0.2 * (5.0 * k as f64 * 0.02).sin() + normal.sample(&mut rng))
-            .collect();
-        let found = noise(&[y]);
-        assert!((found / 1e-3 - 1.0).abs() < 0.1, "{found}");
+        for uneven in [0.0, 0.01, 0.2, 0.6] {
+            let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+            let t = clock(uneven);
+            let y: Vec<f64> = t
+                .iter()
+                .map(|t| 0.2 * (5.0 * t).sin() + normal.sample(&mut rng))
+                .collect();
+            let found = noise(&[Readings { t: &t, y: &y }]);
+            assert!((found / 1e-3 - 1.0).abs() < 0.1, "{uneven}: {found}");
+        }
+    }
+
+    /// Half of the samples are missing somewhere, and one alone.
+    #[test]
+    fn samples_that_are_missing_are_no_noise() {
+        let is_kept = |k: &usize| *k != 700 && !(1000..2000).contains(k) || k % 2 == 0;
+        let t: Vec<f64> = (0..3000).filter(is_kept).map(|k| 0.02 * k as f64).collect();
+        let y: Vec<f64> = t.iter().map(|t| (3.0 * t).sin()).collect();
+        let found = noise(&[Readings { t: &t, y: &y }]);
+        assert!(found < 1e-5, "{found}");
     }
 
     #[test]
@@ -104,14 +145,15 @@ mod tests {
         let noisy: Vec<f64> = (0..2000)
             .map(|k| swing(k) + normal.sample(&mut rng))
             .collect();
-        assert!(scatters(&[noisy]));
+        let t: Vec<f64> = (0..2000).map(|k| k as f64 * 0.02).collect();
+        let scatters = |y: &[f64]| scatters(&[Readings { t: &t, y }]);
+        assert!(scatters(&noisy));
+        let exact: Vec<f64> = (0..2000).map(swing).collect();
         for step in [2e-3, 1e-6] {
-            let rounded = (0..2000)
-                .map(|k| (swing(k) / step).round() * step)
-                .collect();
-            assert!(!scatters(&[rounded]), "{step}");
+            let rounded: Vec<f64> = exact.iter().map(|y| (y / step).round() * step).collect();
+            assert!(!scatters(&rounded), "{step}");
         }
-        assert!(!scatters(&[(0..2000).map(swing).collect()]));
+        assert!(!scatters(&exact));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Samples that stand alone.
 
-use super::noise::median;
+use super::noise::{Readings, median};
 
 /// At most this share of the samples can be outliers: what happens more often is how the sensor is.
 const MOST_OUTLIERS: f64 = 0.005;
@@ -12,16 +12,16 @@ const SPIKE: f64 = 10.0 * CLEAN;
 /// So many may always be.
 const FEW: usize = 3;
 
-/// False where a sample stands alone: away from the cubic through its four neighbours,
+/// False where a sample stands alone: away from the cubic through its four neighbours, of even samples
 ///
 /// e_k = y_k − (−y_{k−2} + 4 y_{k−1} + 4 y_{k+1} − y_{k+2}) / 6,
 ///
 /// by more than eight times the noise, by more than eight times what is usual around it (fast motion is no fault), and by more than
 /// its neighbours, whom a glitch pulls along. Twice as far, and so on, while that holds for too many samples.
-pub fn without_outliers(y: &[f64], noise: f64) -> Vec<bool> {
-    let (n, mut factor) = (y.len() as f64, 8.0);
+pub fn without_outliers(readings: Readings, noise: f64) -> Vec<bool> {
+    let (n, mut factor) = (readings.y.len() as f64, 8.0);
     loop {
-        let (valid, spikes) = within(y, noise, factor);
+        let (valid, spikes) = within(readings, noise, factor);
         let others = valid.iter().filter(|v| !**v).count() - spikes;
         let few = |count: usize, most: f64| count <= FEW || (count as f64) < most * n;
         if (few(others, MOST_OUTLIERS) && few(spikes, MOST_SPIKES)) || factor > 1e6 {
@@ -32,15 +32,23 @@ pub fn without_outliers(y: &[f64], noise: f64) -> Vec<bool> {
 }
 
 /// How far each sample but the outer two is from the cubic through its neighbours, e.
-fn away(y: &[f64]) -> Vec<f64> {
-    let of = |w: &[f64]| w[2] - (4.0 * (w[1] + w[3]) - w[0] - w[4]) / 6.0;
-    y.windows(5).map(of).collect()
+fn away(Readings { t, y }: Readings) -> Vec<f64> {
+    const NEIGHBOURS: [usize; 4] = [0, 1, 3, 4];
+    let of = |(t, y): (&[f64], &[f64])| {
+        // Lagrange's polynomial of the neighbours, at the time of the sample.
+        let share = |j: usize| -> f64 {
+            let others = NEIGHBOURS.iter().filter(|i| **i != j);
+            others.map(|&i| (t[2] - t[i]) / (t[j] - t[i])).product()
+        };
+        NEIGHBOURS.iter().map(|&j| share(j) * (y[2] - y[j])).sum()
+    };
+    t.windows(5).zip(y.windows(5)).map(of).collect()
 }
 
 /// False where a sample stands alone by so large a factor; and the number of those without which nothing is left of it.
-fn within(y: &[f64], noise: f64, factor: f64) -> (Vec<bool>, usize) {
-    let (mut valid, mut spikes) = (vec![true; y.len()], 0);
-    let away = away(y);
+fn within(readings: Readings, noise: f64, factor: f64) -> (Vec<bool>, usize) {
+    let (mut valid, mut spikes) = (vec![true; readings.y.len()], 0);
+    let away = away(readings);
     for (i, &e) in away.iter().enumerate() {
         let near = away.get(i.saturating_sub(2)..(i + 3).min(away.len()));
         let largest = near.is_some_and(|near| near.iter().all(|other| other.abs() <= e.abs()));
@@ -72,6 +80,25 @@ fn is_spike(away: &[f64], i: usize, noise: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Of samples that are as far apart as in these tests, every 20 ms.
+    fn without_outliers(y: &[f64], noise: f64) -> Vec<bool> {
+        let t: Vec<f64> = (0..y.len()).map(|k| 0.02 * k as f64).collect();
+        super::without_outliers(Readings { t: &t, y }, noise)
+    }
+
+    #[test]
+    fn samples_around_a_gap_and_at_uneven_times_do_not_stand_alone() {
+        let kept = (0..900).filter(|k| k % 70 != 0 && !(300..420).contains(k));
+        let t: Vec<f64> = kept
+            .map(|k| 0.01 * k as f64 + 3e-3 * crate::bins::pseudo(k, 0.7))
+            .collect();
+        let mut y: Vec<f64> = t.iter().map(|t| (3.0 * t).sin()).collect();
+        let valid = |y: &[f64]| super::without_outliers(Readings { t: &t, y }, 1e-4);
+        assert!(valid(&y).iter().all(|v| *v));
+        y[200] += 0.5;
+        assert!(!valid(&y)[200]);
+    }
 
     #[test]
     fn a_glitch_is_masked_and_a_fast_swing_is_not() {

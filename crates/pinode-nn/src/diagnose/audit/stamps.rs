@@ -2,7 +2,8 @@
 //!
 //! Seven digits of t = a + h k at 610 Hz are a fiftieth of a millisecond away beyond 100 s. Where a position changes by 20 m/s, that is
 //! half a millimetre, and looks like noise of the sensor. Stamps that differ from an even clock by no more than half of their own last
-//! digit are that clock; others are believed.
+//! digit are that clock; others are believed. So are those whose last digit is worth much of an interval: a clock that missed a sample
+//! would differ from an even one by no more than that.
 
 use super::super::verdict::DataFault;
 use crate::log::Run;
@@ -13,6 +14,8 @@ const FEWEST: usize = 50;
 const MOST_DECIMALS: i32 = 9;
 /// Half of the last digit, and a little for where the even clock is laid.
 const ROUNDED: f64 = 0.55;
+/// The last digit may be worth this part of an interval.
+const FINE: f64 = 0.25;
 /// Rounding by less than this part of an interval changes nothing.
 const NOTHING: f64 = 2e-3;
 
@@ -64,7 +67,7 @@ fn even_clock(t: &[f64]) -> Option<Vec<f64>> {
     let digits = last_digits(t)?;
     let is_rounded = t.iter().enumerate().all(|(k, t)| {
         let place = digits.iter().find(|(power, _)| *power == magnitude(*t));
-        place.is_some_and(|(_, digit)| away(k) <= ROUNDED * digit)
+        place.is_some_and(|(_, digit)| *digit <= FINE * h && away(k) <= ROUNDED * digit)
     });
     is_rounded.then_some(even)
 }
@@ -140,5 +143,22 @@ mod tests {
             .filter(|t| !(100.0..100.1).contains(t))
             .collect();
         assert_eq!(even_clock(&stops), None);
+    }
+
+    /// At 100 Hz with two decimals nothing is rounded, and half an interval is half of the last digit.
+    #[test]
+    fn a_clock_that_misses_a_sample_and_one_of_two_intervals_are_believed() {
+        let misses = |at: usize| {
+            let kept = (0..4001).filter(|k| *k != at);
+            kept.map(|k| f64::from(k as u32) / 100.0)
+                .collect::<Vec<_>>()
+        };
+        for at in [1, 40, 2000, 3999] {
+            assert_eq!(even_clock(&misses(at)), None, "{at}");
+        }
+        let alternating: Vec<f64> = (0..2000)
+            .map(|k| f64::from((3 * k + k % 2) / 2) / 100.0)
+            .collect();
+        assert_eq!(even_clock(&alternating), None);
     }
 }
