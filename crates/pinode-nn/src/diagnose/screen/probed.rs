@@ -82,7 +82,12 @@ impl Probed {
         if !study.resolves(&hybrid, &theta) {
             return None;
         }
-        let substeps = study.substeps_for(&hybrid, &theta);
+        // What asks for no more steps than the fitted model takes its steps, however fast that has become since it was fitted with them.
+        let of_fitted = study.substeps_for(&fitted.hybrid, &fitted.inside.theta);
+        let substeps = match study.substeps_for(&hybrid, &theta) {
+            more if more > of_fitted => more.max(fitted.substeps),
+            _ => fitted.substeps,
+        };
         let kind = column.candidate.kind;
         let same_states = kind.states() == 0
             && kind.inertial().is_none()
@@ -166,4 +171,56 @@ fn kept_states(new: &Hybrid, old: &Hybrid) -> Vec<Option<usize>> {
         kept.extend((0..new.state_range(index).len()).map(|k| first.map(|first| first + k)));
     }
     kept
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::*;
+    use crate::diagnose::pushes::tests::prepared;
+    use crate::diagnose::setup::Prepared;
+    use crate::effect::registry;
+
+    /// A stop that a fit made harder than the steps it began with had every candidate rolled out in shorter ones, a hundred times as slowly.
+    #[test]
+    fn forces_beside_what_has_become_fast_are_still_taken_along_the_roll_out() {
+        let (_dir, Prepared { study, null, .. }) = prepared(0.0);
+        let candidate = |name| Candidate {
+            kind: registry::find(name).unwrap(),
+            target: 0,
+        };
+        let bristles = candidate("dahl_friction");
+        let (hybrid, theta) = bristles.place(&null.hybrid, &null.inside.theta, &[0.3, 20.0]);
+        let fitted = study.fit(hybrid, null.start(theta), 1, 0);
+        let at = |stiffness: f64| {
+            let mut now = fitted.clone();
+            let own = now.hybrid.range(now.hybrid.effects().len() - 1);
+            now.inside.theta[own].copy_from_slice(&[0.3, stiffness]);
+            now
+        };
+        let change = |fitted: &Fitted, name| {
+            let candidate = candidate(name);
+            let scales = candidate.scales(&fitted.hybrid, &study.scales);
+            let contained = candidate.contained(&fitted.hybrid, &fitted.inside.theta);
+            let probe = (candidate.kind.probes)(&scales, &contained).remove(0);
+            let column = Column {
+                candidate,
+                neutral: probe.neutral,
+                perturbed: probe.perturbed,
+                known: 0.0,
+            };
+            Probed::new(&study, fitted, &column).unwrap().change
+        };
+        let (slow, fast) = (at(20.0), at(2000.0));
+        let steps = |fitted: &Fitted| study.substeps_for(&fitted.hybrid, &fitted.inside.theta);
+        assert!(steps(&fast) > fast.substeps, "it has become faster");
+        for fitted in [&slow, &fast] {
+            assert!(
+                change(fitted, "linear_spring")
+                    == Change::Forces(Some(fitted.hybrid.effects().len()))
+            );
+            assert!(change(fitted, "added_mass") == Change::Motion);
+        }
+    }
 }
