@@ -205,8 +205,7 @@ pub fn revisit(
             }
             rivals
         };
-        let comparison = Comparison::of(current, &reduced);
-        let mut weighed = weigh(study, added[k], &rivals, comparison, current);
+        let mut weighed = weigh(study, added[k], &rivals, (current, &reduced));
         weighed.believe(share_beside(study, &weighed, (current, &reduced)));
         found.push(weighed);
     }
@@ -244,19 +243,18 @@ fn rivals(
     rivals
 }
 
-/// The confidence in a found effect among its rivals; what the data do not tell apart counts together.
+/// The confidence in a found effect of a model among its rivals, `reduced` the model without it; what the data do not tell apart counts together.
 fn weigh(
     study: &Study,
     candidate: Candidate,
     rivals: &[Contender],
-    comparison: Comparison,
-    model: &Fitted,
+    (model, reduced): (&Fitted, &Fitted),
 ) -> Found {
     let own = rivals.iter().find(|c| c.added.contains(&candidate));
     let mut confidence = 0.0;
     let mut alternatives = Vec::new();
     let mut indistinguishable: Vec<Candidate> = Vec::new();
-    let twins = twins_of(study, &candidate, model);
+    let twins = twins_of(study, &candidate, (model, reduced));
     for rival in rivals {
         let [other] = rival.added[..] else {
             if rival.added.contains(&candidate) {
@@ -301,7 +299,7 @@ fn weigh(
         alternatives,
         indistinguishable,
         rivals: fitted,
-        comparison,
+        comparison: Comparison::of(model, reduced),
     }
 }
 
@@ -347,26 +345,34 @@ const BEHIND_INPUTS: [&str; 3] = [
     "load_dependent_friction",
 ];
 
-/// The twins of a found effect: a difference of Coulomb friction only where there is such friction on the same coordinate, an offset of the
-/// input only where that arrives as it is.
-fn twins_of(study: &Study, candidate: &Candidate, model: &Fitted) -> Vec<Candidate> {
+/// The twins of a found effect of a model, `reduced` the model without it: a difference of Coulomb friction is one only where there is such friction
+/// on the same coordinate without it, an offset of the input only where that arrives as it is.
+fn twins_of(
+    study: &Study,
+    candidate: &Candidate,
+    (model, reduced): (&Fitted, &Fitted),
+) -> Vec<Candidate> {
     let hybrid = &model.hybrid;
     if !in_offset_class(candidate.kind) {
         return Vec::new();
     }
     let place = pushed(candidate, hybrid);
-    let there = |names: &[&str]| {
+    let there = |hybrid: &Hybrid, names: &[&str]| {
         hybrid.effects().iter().any(|e| {
             let (kind, target) = (e.kind, e.target);
             names.contains(&kind.name) && pushed(&Candidate { kind, target }, hybrid) == place
         })
     };
-    let rubs = there(&["coulomb_friction", "asymmetric_coulomb_friction"]);
-    let changed = there(&BEHIND_INPUTS);
+    let difference = "asymmetric_coulomb_friction";
+    let rubs = there(&reduced.hybrid, &["coulomb_friction", difference]);
+    if candidate.kind.name == difference && !rubs {
+        return Vec::new();
+    }
+    let changed = there(hybrid, &BEHIND_INPUTS);
     let is_input = |kind: &Kind| kind.acts_on() == ActsOn::Input;
     let is_twin = |twin: &Candidate| {
         let apart = changed && is_input(twin.kind) != is_input(candidate.kind);
-        let smooth = !rubs && twin.kind.name == "asymmetric_coulomb_friction";
+        let smooth = !rubs && twin.kind.name == difference;
         twin != candidate && pushed(twin, hybrid) == place && !apart && !smooth
     };
     OFFSET_CLASS
@@ -392,6 +398,31 @@ mod tests {
     use super::super::setup::Prepared;
     use super::*;
     use crate::effect::registry;
+
+    /// Without friction of the model's own, a difference of friction between the directions is friction as well, and no constant force.
+    #[test]
+    fn friction_by_direction_is_a_constant_force_only_beside_friction() {
+        let (_dir, Prepared { study, null, .. }) = prepared(0.0);
+        let candidate = |name| Candidate {
+            kind: registry::find(name).unwrap(),
+            target: 0,
+        };
+        let with = |fitted: &Fitted, name, values: &[f64]| {
+            let theta = &fitted.inside.theta;
+            let (hybrid, theta) = candidate(name).place(&fitted.hybrid, theta, values);
+            study.fit(hybrid, fitted.start(theta), 0, 0)
+        };
+        let difference = candidate("asymmetric_coulomb_friction");
+        let rubbing = with(&null, "coulomb_friction", &[0.2]);
+        for (without, has_twins) in [(&null, false), (&rubbing, true)] {
+            let found = with(without, difference.kind.name, &[0.3, 0.1]);
+            let twins = twins_of(&study, &difference, (&found, without));
+            assert_eq!(twins.contains(&candidate("constant_force")), has_twins);
+            let found = with(without, "constant_force", &[0.1]);
+            let twins = twins_of(&study, &candidate("constant_force"), (&found, without));
+            assert_eq!(twins.contains(&difference), has_twins);
+        }
+    }
 
     /// Later fits may take friction to a force beyond reach at next to no stiffness: that is a force of each window's own, and no friction.
     #[test]
