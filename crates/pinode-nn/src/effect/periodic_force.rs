@@ -39,6 +39,9 @@ impl ForceLaw for Periodic {
 /// A screen tries so many numbers of periods in the range of the motion, from one and a half on, three quarters apart: over the whole
 /// range a force falls out of step with the nearest one by less than half a turn, from where a fit finds to it.
 const PERIODS: usize = 42;
+/// Where a wheel turns more often than those can tell, what repeats with its turns repeats a whole number of times in each: up to so many, as teeth and
+/// magnets do.
+const IN_A_TURN: usize = 36;
 /// What repeats more seldom in the range of the motion is a bent spring.
 const FEWEST_PERIODS: f64 = 1.4;
 
@@ -61,8 +64,14 @@ pub static KIND: Kind = Kind {
     contains: &[],
     probes: |scales, _| {
         let d = scales.small_force();
-        let periods = (0..PERIODS).map(|k| 2.0 * scales.reach / (1.5 + 0.75 * k as f64));
+        let range = 2.0 * scales.reach;
+        let tried = |k: usize| 1.5 + 0.75 * k as f64;
+        let turns = range / TAU;
+        let whole = (1..=IN_A_TURN).map(|n| n as f64);
+        let whole = whole.filter(|n| turns > 2.0 && n * turns > tried(PERIODS));
+        let periods = (0..PERIODS).map(|k| range / tried(k));
         periods
+            .chain(whole.map(|n| TAU / n))
             .flat_map(|period| {
                 [0.0, 0.25].map(|turn| {
                     // The phase is that in the middle of the motion.
@@ -101,6 +110,32 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// Nine turns: a force that repeats seven times in each repeats 63 times.
+    #[test]
+    fn what_repeats_with_the_turns_of_a_wheel_is_asked_for_however_often_it_turns() {
+        let wheel = |turns: f64| Scales {
+            reach: 0.5 * TAU * turns,
+            centre: 0.0,
+            speed: 1.0,
+            force: 1.0,
+            mass: 1.0,
+            input: 1.0,
+            largest_input: 1.0,
+            noise: 1e-3,
+            struck: [None; 2],
+            held: 0.0,
+        };
+        let has = |scales: &Scales, n: f64| {
+            let probes = (KIND.probes)(scales, &[]);
+            probes
+                .iter()
+                .any(|p| (p.neutral[1] * n - TAU).abs() < 1e-12)
+        };
+        assert!(has(&wheel(9.0), 7.0) && has(&wheel(9.0), 36.0));
+        // What a row of other periods tells, and what is no wheel.
+        assert!(!has(&wheel(9.0), 3.0) && !has(&wheel(1.5), 36.0));
     }
 
     #[test]
