@@ -1,6 +1,7 @@
 //! What to do or to record next.
 
 use super::at_rest::Unborne;
+use super::audit::median;
 use super::experiment::{Outcome, Split, short};
 use super::misfit::{is_unexplained, strays};
 use super::search::Search;
@@ -9,8 +10,12 @@ use super::verdict::{
     Change, FittedConstant, Gap, Moved, Name, NamedEffect, Numerics, Unexplained, Verdict,
 };
 use crate::digits::{number, uncertain};
+use crate::effect::Between;
 use crate::hybrid::Hybrid;
+use crate::model::Input;
 
+/// Changes of an input from sample to sample that differ by less than this part of themselves are those of a smooth one.
+const SMOOTH: f64 = 0.3;
 /// Delays below this are not told from a lag, s.
 const SHORT_DELAY: f64 = 5e-3;
 
@@ -131,7 +136,8 @@ pub fn moved(constant: &FittedConstant) -> Option<String> {
             short(constant.tolerance),
         ),
         Moved::Within => format!(
-            "{went}, within its tolerance of {}: the data know it better than the model does.",
+            "{went}, {} times its tolerance of {}: the data know it better than the model does.",
+            short(constant.tolerances().abs()),
             short(constant.tolerance),
         ),
         Moved::Free => format!(
@@ -142,6 +148,32 @@ pub fn moved(constant: &FittedConstant) -> Option<String> {
             format!("{went}, and these data do not determine it: keep the value that was given.")
         }
     })
+}
+
+/// What to ask about inputs that are taken to stay as they are between samples and look as if they did not, where something is left.
+pub fn smooth_inputs(study: &Study, inputs: &[Input]) -> Vec<String> {
+    let looks_smooth = |(i, input): &(usize, &Input)| {
+        let mut runs = study.observations.runs.iter();
+        input.between == Between::Held && runs.all(|run| is_smooth(&run.u[*i]))
+    };
+    let smooth = inputs.iter().enumerate().filter(looks_smooth);
+    let advice = smooth.map(|(_, input)| {
+        format!(
+            "input `{0}` is taken to stay as it is between two samples, and its samples look like those of something smooth: if it was measured, and not set \
+             anew at each of them, write `between_samples = \"smooth\"` under `[[input]]` of `{0}` and diagnose again.",
+            input.name
+        )
+    });
+    advice.collect()
+}
+
+/// Whether samples of an input lie on a smooth curve: they change all the time, and the next change is nearly the last one.
+fn is_smooth(u: &[f64]) -> bool {
+    let changes: Vec<f64> = u.windows(2).map(|p| p[1] - p[0]).collect();
+    let mut turns: Vec<f64> = changes.windows(2).map(|p| (p[1] - p[0]).abs()).collect();
+    let mut sizes: Vec<f64> = changes.iter().map(|d| d.abs()).collect();
+    let moving = sizes.iter().filter(|d| **d > 0.0).count();
+    10 * moving > 9 * sizes.len() && median(&mut turns) < SMOOTH * median(&mut sizes)
 }
 
 /// What to ask where free runs over the unseen part contradict what the seen one bears out.
@@ -265,4 +297,22 @@ pub fn spoken(kind: &str) -> String {
     kind.replace('_', " ")
         .replace("coulomb", "Coulomb")
         .replace("stribeck", "Stribeck")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sine_is_smooth_and_steps_noise_and_a_coarse_staircase_are_not() {
+        let samples = |u: &dyn Fn(usize) -> f64| (0..2000).map(u).collect::<Vec<_>>();
+        let sine = |k: usize| (0.1 * k as f64).sin() + 0.5 * (0.03 * k as f64).sin();
+        assert!(is_smooth(&samples(&sine)));
+        assert!(!is_smooth(&samples(&|k| sine(k / 10 * 10))));
+        assert!(!is_smooth(&samples(&|k| crate::bins::pseudo(k, 0.2))));
+        assert!(!is_smooth(&samples(
+            &|k| sine(k) + 0.2 * crate::bins::pseudo(k, 0.2)
+        )));
+        assert!(!is_smooth(&samples(&|k| (2.0 * sine(k)).round())));
+    }
 }

@@ -273,6 +273,9 @@ pub(crate) fn diagnose_into(
     if contradicted {
         advice.push(advise::contradicted(&gap));
     }
+    if something_is_left {
+        advice.extend(advise::smooth_inputs(study, &model.inputs));
+    }
     advice.extend(constants.iter().filter_map(advise::moved));
     let change = constancy::change(study, &search, &names);
     advice.extend(change.as_ref().map(advise::changing));

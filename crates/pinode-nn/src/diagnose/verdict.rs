@@ -496,7 +496,7 @@ impl FittedConstant {
             return Some(Moved::Stretched);
         }
         let by = (self.fitted - self.given).abs();
-        let far = by > FAR * self.given.abs();
+        let far = by > FAR * self.given.abs() || (known && self.tolerances().abs() > POSSIBLE);
         let surely = |std: f64| by > SURELY * std;
         match (self.std, known) {
             _ if !far => None,
@@ -511,8 +511,9 @@ impl FittedConstant {
 
 /// A constant that a fit has stretched by more tolerances than this has left them: one in four hundred is as far off.
 const STRETCHED: f64 = 3.0;
-/// One within its tolerance, or without one, has left its value when it is off by this part of it, and by so many standard errors.
-const FAR: f64 = 0.2;
+/// One with a tolerance, or without one, has left its value when it is off by so many tolerances or by this part of it, and by so many standard errors.
+const POSSIBLE: f64 = 1.0;
+const FAR: f64 = 0.1;
 const SURELY: f64 = 4.0;
 
 /// How a constant left what the model gives.
@@ -520,7 +521,7 @@ const SURELY: f64 = 4.0;
 pub enum Moved {
     /// Beyond its tolerance.
     Stretched,
-    /// Far, within a wide tolerance.
+    /// Far, by no more tolerances than may be.
     Within,
     /// It has no tolerance, and the data want another value.
     Free,

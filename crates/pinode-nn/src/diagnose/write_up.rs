@@ -67,8 +67,13 @@ pub fn revision(
                 .iter()
                 .find(|f| f.candidate.is(placed))
                 .map(|found| {
+                    // What explains no more than stretched tolerances do, and takes their place.
+                    let relief = match found.comparison.relieves() {
+                        true => format!(", {:.0} nats of tolerances relieved", found.comparison.relief),
+                        false => String::new(),
+                    };
                     let mut comment = format!(
-                        "found by pinode {}: confidence {:.2}, z = {:.1} (held out {:.1}), {:.3} nats per sample; seed {}\n",
+                        "found by pinode {}: confidence {:.2}, z = {:.1} (held out {:.1}), {:.3} nats per sample{relief}; seed {}\n",
                         provenance.version,
                         found.confidence,
                         found.comparison.inside.z,
