@@ -1,5 +1,8 @@
 //! Noise of the sensors, from their readings alone.
 
+/// Intervals that differ by less than this part of themselves are even.
+const EVEN: f64 = 1e-6;
+
 /// Readings in a row, and when they were taken, s.
 #[derive(Debug, Clone, Copy)]
 pub struct Readings<'a> {
@@ -17,22 +20,45 @@ pub fn noise(parts: &[Readings]) -> f64 {
 }
 
 fn of_order(parts: &[Readings], m: usize) -> f64 {
+    let binomial: f64 = (1..=m).map(|k| (m + k) as f64 / k as f64).product();
     let mut size: Vec<f64> = Vec::new();
     for part in parts {
         let readings = part.t.windows(m + 1).zip(part.y.windows(m + 1));
-        size.extend(readings.map(|(t, y)| {
-            let unit = (t[m] - t[0]) / m as f64;
-            let (mut sum, mut squares) = (0.0, 0.0);
-            for (j, at) in t.iter().enumerate() {
-                let others = t.iter().enumerate().filter(|(i, _)| *i != j);
-                let weight: f64 = others.map(|(_, other)| unit / (at - other)).product();
-                sum += weight * (y[j] - y[0]);
-                squares += weight * weight;
-            }
-            sum.abs() / squares.sqrt()
+        size.extend(readings.map(|(t, y)| match is_even(t) {
+            true => difference(y),
+            false => binomial.sqrt() * divided_difference(t, y),
         }));
     }
-    1.4826 * median(&mut size)
+    1.4826 * median(&mut size) / binomial.sqrt()
+}
+
+fn is_even(t: &[f64]) -> bool {
+    let intervals = t.len() - 1;
+    let usual = (t[intervals] - t[0]) / intervals as f64;
+    let mut each = t.windows(2).map(|p| p[1] - p[0]);
+    each.all(|interval| (interval - usual).abs() < EVEN * usual)
+}
+
+/// |Δᵐ y| of m + 1 readings at even times: the weights are the binomial coefficients, Σ w² = 2m choose m.
+fn difference(y: &[f64]) -> f64 {
+    let mut d = y.to_vec();
+    while d.len() > 1 {
+        d = d.windows(2).map(|p| p[1] - p[0]).collect();
+    }
+    d.iter().sum::<f64>().abs()
+}
+
+/// |Σ w y| / √(Σ w²) of readings at any times.
+fn divided_difference(t: &[f64], y: &[f64]) -> f64 {
+    let unit = (t[t.len() - 1] - t[0]) / t.len() as f64;
+    let (mut sum, mut squares) = (0.0, 0.0);
+    for (j, at) in t.iter().enumerate() {
+        let others = t.iter().enumerate().filter(|(i, _)| *i != j);
+        let weight: f64 = others.map(|(_, other)| unit / (at - other)).product();
+        sum += weight * (y[j] - y[0]);
+        squares += weight * weight;
+    }
+    sum.abs() / squares.sqrt()
 }
 
 /// Two orders of differences find the same noise to this part of it where there is some; what a motion leaves falls by much more.
@@ -125,6 +151,16 @@ mod tests {
             let found = noise(&[Readings { t: &t, y: &y }]);
             assert!((found / 1e-3 - 1.0).abs() < 0.1, "{uneven}: {found}");
         }
+    }
+
+    #[test]
+    fn differences_at_even_times_are_the_divided_ones() {
+        let t: Vec<f64> = (0..7).map(|k| 3.0 + 0.02 * k as f64).collect();
+        let y: Vec<f64> = (0..7).map(|k| crate::bins::pseudo(k, 0.4)).collect();
+        assert!(is_even(&t));
+        let (plain, divided) = (difference(&y), divided_difference(&t, &y));
+        // 12 choose 6.
+        assert!((divided * 924_f64.sqrt() / plain - 1.0).abs() < 1e-9);
     }
 
     /// Half of the samples are missing somewhere, and one alone.
