@@ -61,7 +61,7 @@ pub enum Error {
     /// The model as given cannot be simulated over the log.
     #[error(
         "the model as given diverges in {diverged} of {windows} windows of the log: check units, signs and the order of columns \
-         (`pinode check` prints what the model expects), or take a shorter step (--step): stiff forces need one"
+         (`pinode check` prints what the model expects); where the command has `--step`, take a shorter one: stiff forces need it"
     )]
     Unfittable {
         /// Windows in which it diverges.
