@@ -64,6 +64,17 @@ impl Interruptible {
         Interruptible(())
     }
 
+    /// From now on it is from the last of these that there is that the training goes on.
+    pub fn goes_on_from(&self, so_far: &[PathBuf]) {
+        if let Some(Running {
+            work: Work::Training { checkpoints, .. },
+            ..
+        }) = running().as_mut()
+        {
+            *checkpoints = so_far.to_vec();
+        }
+    }
+
     /// While the guard lives, an interruption waits: files get their names together.
     pub fn wait(&self) -> impl Sized + use<> {
         running()

