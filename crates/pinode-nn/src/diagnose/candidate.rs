@@ -55,6 +55,14 @@ pub struct Candidate {
 }
 
 impl Candidate {
+    /// That of a kind with this name on a target, for tests.
+    #[cfg(test)]
+    #[allow(clippy::unwrap_used)]
+    pub fn named(name: &str, target: usize) -> Self {
+        let kind = crate::effect::registry::find(name).unwrap();
+        Candidate { kind, target }
+    }
+
     /// All that `hybrid` could be missing: kinds not yet on a target, nor contained in one that is, unless that is known exactly: then there may be more
     /// of it.
     pub fn all(hybrid: &Hybrid) -> Vec<Candidate> {
@@ -237,16 +245,8 @@ mod tests {
         let model = Model::load(&models.join("cartpole/cartpole.toml")).unwrap();
         let hybrid = Hybrid::of(&model);
         let scales = |reach: f64| Scales {
-            centre: 0.0,
             reach,
-            speed: 1.0,
-            force: 1.0,
-            mass: 1.0,
-            input: 1.0,
-            largest_input: 1.0,
-            noise: 1e-3,
-            struck: [None; 2],
-            held: 0.0,
+            ..Scales::example()
         };
         let winds = |kind: &str, target: usize, reach: f64| {
             let kind = registry::find(kind).unwrap();

@@ -397,16 +397,12 @@ mod tests {
     use super::super::pushes::tests::{prepared, prepared_with};
     use super::super::setup::Prepared;
     use super::*;
-    use crate::effect::registry;
 
     /// Without friction of the model's own, a difference of friction between the directions is friction as well, and no constant force.
     #[test]
     fn friction_by_direction_is_a_constant_force_only_beside_friction() {
         let (_dir, Prepared { study, null, .. }) = prepared(0.0);
-        let candidate = |name| Candidate {
-            kind: registry::find(name).unwrap(),
-            target: 0,
-        };
+        let candidate = |name| Candidate::named(name, 0);
         let with = |fitted: &Fitted, name, values: &[f64]| {
             let theta = &fitted.inside.theta;
             let (hybrid, theta) = candidate(name).place(&fitted.hybrid, theta, values);
@@ -428,10 +424,7 @@ mod tests {
     #[test]
     fn friction_that_never_slips_is_dropped() {
         let (_dir, Prepared { study, null, .. }) = prepared(0.3);
-        let dahl = Candidate {
-            kind: registry::find("dahl_friction").unwrap(),
-            target: 0,
-        };
+        let dahl = Candidate::named("dahl_friction", 0);
         for (values, stays) in [([1e3, 0.5], true), ([1e-2, 1e9], false)] {
             let (hybrid, theta) = dahl.place(&null.hybrid, &null.inside.theta, &values);
             let mut current = study.fit(hybrid, null.start(theta), 0, 0);
@@ -446,10 +439,7 @@ mod tests {
     #[test]
     fn of_two_laws_that_the_data_do_not_need_both_the_weaker_is_dropped() {
         let (_dir, Prepared { study, null, .. }) = prepared_with(0.0, 0.8);
-        let on_the_sledge = |name| Candidate {
-            kind: registry::find(name).unwrap(),
-            target: 0,
-        };
+        let on_the_sledge = |name| Candidate::named(name, 0);
         let drag = on_the_sledge("quadratic_drag");
         let viscous = on_the_sledge("viscous_friction");
         for order in [[drag, viscous], [viscous, drag]] {

@@ -232,16 +232,12 @@ mod tests {
     use super::super::pushes::tests::prepared;
     use super::super::setup::Prepared;
     use super::*;
-    use crate::effect::registry;
 
     /// A cart whose encoder sees micrometres took ever shorter steps for its friction, while far more than that was missing.
     #[test]
     fn friction_is_as_sharp_as_what_the_model_leaves_can_see() {
         let (_dir, Prepared { study, null, .. }) = prepared(0.0);
-        let coulomb = Candidate {
-            kind: registry::find("coulomb_friction").unwrap(),
-            target: 0,
-        };
+        let coulomb = Candidate::named("coulomb_friction", 0);
         let (hybrid, theta) = coulomb.place(&null.hybrid, &null.inside.theta, &[2.0]);
         let mut fitted = study.fit(hybrid, null.start(theta), 1, 0);
         let moved = set_valued(&study, &fitted).unwrap().coordinates[0].rms;

@@ -473,14 +473,10 @@ mod tests {
     #![allow(clippy::unwrap_used)]
 
     use super::*;
-    use crate::effect::registry;
 
     #[test]
     fn two_ways_meet_where_they_have_the_same_names_in_any_order() {
-        let on_the_first = |name| Candidate {
-            kind: registry::find(name).unwrap(),
-            target: 0,
-        };
+        let on_the_first = |name| Candidate::named(name, 0);
         let [drag, delay, gain] =
             ["quadratic_drag", "input_delay", "input_gain_error"].map(on_the_first);
         let been = Been {

@@ -78,6 +78,23 @@ impl Struck {
 }
 
 impl Scales {
+    /// Round numbers, for tests.
+    #[cfg(test)]
+    pub(crate) fn example() -> Self {
+        Scales {
+            centre: 0.0,
+            reach: 1.0,
+            speed: 1.0,
+            force: 1.0,
+            mass: 1.0,
+            input: 1.0,
+            largest_input: 1.0,
+            noise: 1e-3,
+            struck: [None; 2],
+            held: 0.0,
+        }
+    }
+
     /// A force that is small beside those at work.
     pub fn small_force(&self) -> f64 {
         0.05 * self.force

@@ -117,15 +117,7 @@ mod tests {
     fn what_repeats_with_the_turns_of_a_wheel_is_asked_for_however_often_it_turns() {
         let wheel = |turns: f64| Scales {
             reach: 0.5 * TAU * turns,
-            centre: 0.0,
-            speed: 1.0,
-            force: 1.0,
-            mass: 1.0,
-            input: 1.0,
-            largest_input: 1.0,
-            noise: 1e-3,
-            struck: [None; 2],
-            held: 0.0,
+            ..Scales::example()
         };
         let phases = |scales: &Scales, n: f64| {
             let probes = (KIND.probes)(scales, &[]);

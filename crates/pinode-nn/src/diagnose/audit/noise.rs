@@ -42,14 +42,17 @@ fn is_even(t: &[f64]) -> bool {
 /// |Δᵐ y| of m + 1 readings at even times: the weights are the binomial coefficients, Σ w² = 2m choose m.
 fn difference(y: &[f64]) -> f64 {
     let mut d = y.to_vec();
-    while d.len() > 1 {
-        d = d.windows(2).map(|p| p[1] - p[0]).collect();
+    for left in (1..d.len()).rev() {
+        for k in 0..left {
+            d[k] = d[k + 1] - d[k];
+        }
     }
-    d.iter().sum::<f64>().abs()
+    d[0].abs()
 }
 
 /// |Σ w y| / √(Σ w²) of readings at any times.
 fn divided_difference(t: &[f64], y: &[f64]) -> f64 {
+    // Any unit will do: it keeps the weights from being large.
     let unit = (t[t.len() - 1] - t[0]) / t.len() as f64;
     let (mut sum, mut squares) = (0.0, 0.0);
     for (j, at) in t.iter().enumerate() {
@@ -163,10 +166,10 @@ mod tests {
         assert!((divided * 924_f64.sqrt() / plain - 1.0).abs() < 1e-9);
     }
 
-    /// Half of the samples are missing somewhere, and one alone.
+    /// Every third of them: at twice the interval the motion goes twice as far.
     #[test]
     fn samples_that_are_missing_are_no_noise() {
-        let is_kept = |k: &usize| *k != 701 && (!(1000..2000).contains(k) || k.is_multiple_of(2));
+        let is_kept = |k: &usize| k % 3 != 2;
         let t: Vec<f64> = (0..3000).filter(is_kept).map(|k| 0.02 * k as f64).collect();
         let y: Vec<f64> = t.iter().map(|t| (3.0 * t).sin()).collect();
         let found = noise(&[Readings { t: &t, y: &y }]);

@@ -12,7 +12,6 @@ use super::*;
 use crate::diagnose::setup::{Prepared, prepare};
 use crate::diagnose::study::Comparison;
 use crate::diagnose::{Means, audit};
-use crate::effect::registry;
 use crate::log::Log;
 use crate::model::Model;
 
@@ -113,10 +112,7 @@ fn model(dir: &Path, rail: bool, rest: &str) -> Model {
 }
 
 fn on_x(kind: &str) -> Candidate {
-    Candidate {
-        kind: registry::find(kind).unwrap(),
-        target: 0,
-    }
+    Candidate::named(kind, 0)
 }
 
 /// The log, and a search that found `own` and cannot tell it from `other`.

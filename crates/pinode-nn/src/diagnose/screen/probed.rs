@@ -180,16 +180,12 @@ mod tests {
     use super::*;
     use crate::diagnose::pushes::tests::prepared;
     use crate::diagnose::setup::Prepared;
-    use crate::effect::registry;
 
     /// A stop that a fit made harder than the steps it began with had every candidate rolled out in shorter ones, a hundred times as slowly.
     #[test]
     fn forces_beside_what_has_become_fast_are_still_taken_along_the_roll_out() {
         let (_dir, Prepared { study, null, .. }) = prepared(0.0);
-        let candidate = |name| Candidate {
-            kind: registry::find(name).unwrap(),
-            target: 0,
-        };
+        let candidate = |name| Candidate::named(name, 0);
         let bristles = candidate("dahl_friction");
         let (hybrid, theta) = bristles.place(&null.hybrid, &null.inside.theta, &[20.0, 0.3]);
         let slow = study.fit(hybrid, null.start(theta), 1, 0);
