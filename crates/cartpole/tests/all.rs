@@ -9,5 +9,6 @@ mod paper;
 mod program;
 mod rig;
 mod rig_effects;
+mod rig_sampling;
 mod rig_scene;
 mod score;

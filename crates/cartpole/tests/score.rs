@@ -76,6 +76,7 @@ fn every_set_prepares_its_logs() {
         (Set::Triples, 3),
         (Set::Removed, 1),
         (Set::Dirty, 1),
+        (Set::Uneven, 1),
         (Set::Forms, 1),
         (Set::WrongBase, 1),
         (Set::Suspects, 4),

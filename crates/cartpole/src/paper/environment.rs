@@ -158,6 +158,7 @@ impl<T: Task> Environment for RigEnvironment<T> {
             rate: self.rig.settings.rate,
             truth_step: self.rig.settings.truth_step,
             rows: 0,
+            sampling: None,
             seed: noise,
         };
         let from_middle = self.rig.shifted(start, -self.rig.middle());

@@ -104,6 +104,7 @@ impl PaperRig {
             truth_step: self.settings.truth_step,
             // The mean force in the last row needs the state after it.
             rows: samples + 1,
+            sampling: None,
             seed,
         };
         let mut operator = self.settings.operator;

@@ -25,6 +25,7 @@ pub mod operator;
 mod placing;
 pub mod plant;
 mod recording;
+mod sampling;
 mod scene;
 pub mod sensors;
 mod sizes;
@@ -38,6 +39,7 @@ pub use key::Key;
 pub use known_model::{known_model, known_model_without};
 pub use recording::Recording;
 pub(crate) use recording::write_whole;
+pub use sampling::Sampling;
 pub use scene::{Base, Dirt, FORM_CASES, Forms, Scene, draw_several, draw_suspects};
 
 use std::collections::VecDeque;
@@ -50,6 +52,7 @@ use effects::{Drive, Effects};
 use noise::Coloured;
 use operator::Operator;
 use plant::Plant;
+use sampling::TICKS;
 use sensors::{Sensors, backward_difference};
 use truth::{State, Truth};
 
@@ -62,6 +65,7 @@ pub(crate) mod stream {
     pub const SENSORS: u64 = 4;
     pub const SCENE: u64 = 5;
     pub const SWING: u64 = 6;
+    pub const CLOCK: u64 = 7;
 }
 
 /// The disturbing force on the cart changes this often, s.
@@ -79,7 +83,8 @@ pub fn run_scene(config: &Config, scene: &Scene, seed: u64) -> Result<Recording,
         Some(masses) => plant.with_masses(&masses)?,
         None => plant,
     };
-    Ok(run_effects(plant, config, scene.effects(&config.known)?, seed)?.0)
+    let effects = scene.effects(&config.known)?;
+    Ok(run_effects(plant, config, effects, scene.sampling, seed)?.0)
 }
 
 /// [`run`] on a given plant; returns also the true state at each row.
@@ -89,13 +94,20 @@ pub fn run_with<P: Plant>(
     hidden: &Hidden,
     seed: u64,
 ) -> Result<(Recording, Vec<State>), Error> {
-    run_effects(plant, config, Effects::of(&config.known, hidden)?, seed)
+    run_effects(
+        plant,
+        config,
+        Effects::of(&config.known, hidden)?,
+        None,
+        seed,
+    )
 }
 
 fn run_effects<P: Plant>(
     plant: P,
     config: &Config,
     effects: Effects,
+    sampling: Option<Sampling>,
     seed: u64,
 ) -> Result<(Recording, Vec<State>), Error> {
     // Hidden stops are nobody's to hear.
@@ -109,6 +121,7 @@ fn run_effects<P: Plant>(
         rate: config.rate,
         truth_step: config.truth_step,
         rows: (config.duration * config.rate).round().max(1.0) as usize,
+        sampling,
         seed,
     };
     let mut operator = run.operator(config.operator);
@@ -133,8 +146,10 @@ pub(crate) struct Run<'a> {
     pub rate: f64,
     /// Longest step of the integrator, s.
     pub truth_step: f64,
-    /// Length of the recording.
+    /// Length of the recording, with the rows that are lost.
     pub rows: usize,
+    /// When rows are taken, if not evenly, and what is lost of them.
+    pub sampling: Option<Sampling>,
     /// Of everything random.
     pub seed: u64,
 }
@@ -159,7 +174,7 @@ impl Run<'_> {
 
     /// The rig in a state in which it was all the time before, without inputs.
     pub fn start<P: Plant>(&self, plant: P, state: State) -> Bench<P> {
-        let interval = 1.0 / self.rate;
+        let interval = self.tick();
         let pieces = (interval / DISTURBANCE_INTERVAL * (1.0 - 1e-9))
             .ceil()
             .max(1.0);
@@ -181,8 +196,15 @@ impl Run<'_> {
             sensors,
             late: [0, 1].map(|joint| Late::new(faults.delay[joint], interval, state.q[joint])),
             before,
+            since: 1,
             recent: VecDeque::new(),
         }
+    }
+
+    /// Length of an interval of the bench, s.
+    fn tick(&self) -> f64 {
+        let rows = 1.0 / self.rate;
+        self.sampling.map_or(rows, |_| rows / f64::from(TICKS))
     }
 
     /// The rig from rest under the force, N, that `hand` asks for at the beginning of each row, where it sees the rig and the
@@ -194,16 +216,23 @@ impl Run<'_> {
     ) -> Result<Recording, Error> {
         let mut bench = self.start(plant, State::HANGING);
         let mut recording = Recording::default();
-        for k in 0..self.rows {
+        for row in self.clock() {
             let [measured, velocity] = bench.measure();
-            recording.t.push(k as f64 / self.rate);
-            for joint in 0..2 {
-                recording.q[joint].push(measured[joint]);
-                recording.v[joint].push(velocity[joint]);
-            }
             let command = hand(bench.truth(), &recording.u);
-            recording.u.push(command);
-            bench.hold(command)?;
+            if row.written {
+                recording.t.push(row.time);
+                for joint in 0..2 {
+                    recording.q[joint].push(measured[joint]);
+                    recording.v[joint].push(velocity[joint]);
+                }
+                recording.u.push(command);
+            }
+            for _ in 0..row.ticks {
+                bench.hold(command)?;
+            }
+        }
+        if let Some(sampling) = self.sampling {
+            sampling.round(&mut recording);
         }
         recording.blows = bench.truth().blows().to_vec();
         Ok(recording)
@@ -223,25 +252,33 @@ pub(crate) struct Bench<P: Plant> {
     late: [Late; 2],
     /// What was measured last.
     before: [f64; 2],
+    /// Intervals since then.
+    since: u32,
     /// The inputs that have not all arrived, N, the last one last.
     recent: VecDeque<f64>,
 }
 
 impl<P: Plant> Bench<P> {
-    /// x, m, and φ, rad, as the sensors read them at the beginning of this interval, and their differences to the reading before, m/s and rad/s. Once an interval.
+    /// x, m, and φ, rad, as the sensors read them at the beginning of this interval, and their differences to the reading before, m/s
+    /// and rad/s. Once an interval at most.
     pub fn measure(&mut self) -> [[f64; 2]; 2] {
         let mut seen = self.rig.state().q;
         for (seen, late) in seen.iter_mut().zip(&mut self.late) {
-            *seen = late.next().unwrap_or(*seen);
+            for _ in 0..self.since {
+                *seen = late.next().unwrap_or(*seen);
+            }
         }
         let measured = self.sensors.measure(self.effects.sensors.read(seen));
-        let velocity = backward_difference(self.before, measured, self.interval);
+        let passed = f64::from(self.since) * self.interval;
+        let velocity = backward_difference(self.before, measured, passed);
         self.before = measured;
+        self.since = 0;
         [measured, velocity]
     }
 
     /// Lets one interval pass under the input `command`, N.
     pub fn hold(&mut self, command: f64) -> Result<(), Error> {
+        self.since = self.since.saturating_add(1);
         self.recent.push_back(command);
         let arriving = arriving(
             &self.effects.drive,

@@ -7,7 +7,7 @@ use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 
 use super::effects::{Effects, Power, Ripple};
-use super::{CASES_ALL, Error, Hidden, Target, draw_case, stream};
+use super::{CASES_ALL, Error, Hidden, Sampling, Target, draw_case, stream};
 use crate::config::{Config, Known, Range};
 
 /// What the rig is made of beside the model that its user has.
@@ -25,6 +25,9 @@ pub struct Scene {
     /// Small disturbances.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dirt: Option<Dirt>,
+    /// When rows are taken, if not evenly, and what is lost of them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sampling: Option<Sampling>,
 }
 
 /// Factors on what the user's model says.
@@ -314,7 +317,7 @@ pub fn draw_suspects(config: &Config, seed: u64) -> Vec<Hidden> {
 }
 
 /// The `part`th generator of what is drawn around the hidden effects.
-fn random(seed: u64, part: u64) -> ChaCha8Rng {
+pub(super) fn random(seed: u64, part: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(stream::SCENE + 16 * part);
     rng

@@ -11,7 +11,7 @@ use super::{Error, Truth};
 use crate::config::{Config, NoiseLevel};
 use crate::joints::{Bench, KINDS};
 use crate::rig::{
-    self, Base, CASES, CHOICES, Dirt, FORM_CASES, Forms, Hidden, Scene, UNSEEN, draw_of,
+    self, Base, CASES, CHOICES, Dirt, FORM_CASES, Forms, Hidden, Sampling, Scene, UNSEEN, draw_of,
     draw_several, draw_suspects,
 };
 
@@ -61,6 +61,8 @@ pub enum Set {
     Removed,
     /// One effect beside eleven small disturbances
     Dirty,
+    /// One effect; rows come early, late or never, and with few decimals
+    Uneven,
     /// One effect of another form than the library's
     Forms,
     /// One effect; masses and known frictions of the model are 5 % off, which it takes for possible
@@ -81,6 +83,7 @@ impl Set {
             Set::Triples => "triples",
             Set::Removed => "removed",
             Set::Dirty => "dirty",
+            Set::Uneven => "uneven",
             Set::Forms => "forms",
             Set::WrongBase => "wrong-base",
             Set::Suspects => "suspects",
@@ -198,6 +201,10 @@ impl Case {
             },
             Set::Dirty => Scene {
                 dirt: Some(Dirt::draw(seed)),
+                ..Scene::of(&one())
+            },
+            Set::Uneven => Scene {
+                sampling: Some(Sampling::draw(seed)),
                 ..Scene::of(&one())
             },
             Set::Forms => {
