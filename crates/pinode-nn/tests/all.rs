@@ -18,6 +18,7 @@ mod export_command;
 mod floating;
 mod floating_logs;
 mod inertial;
+mod late_inputs;
 mod left_training;
 mod log_formats;
 mod model_files;

@@ -48,6 +48,8 @@ pub struct Contender {
     pub wins: f64,
     /// Whether its gain stands under a finer integration and a narrower smoothing; `None`: not asked.
     pub numerically_sound: Option<bool>,
+    /// Whether the model before leaves something beyond doubt, and this one, which explains a little, nothing.
+    pub takes_all: bool,
     /// Whether further iterations from where it is were tried and did not explain more.
     is_spent: bool,
 }
@@ -56,7 +58,7 @@ impl Contender {
     /// Whether it would be accepted by itself.
     pub fn is_acceptable(&self) -> bool {
         let relieves = self.imitated && self.is_sure && self.comparison.relieves();
-        self.is_sensible && (self.comparison.explains() || relieves)
+        self.is_sensible && (self.comparison.explains() || relieves || self.takes_all)
     }
 
     /// Whether it has a say where another would be accepted: what is there may be the one that falls short by a little.
@@ -192,6 +194,7 @@ pub fn contender(
         fitted,
         wins: 0.0,
         numerically_sound: None,
+        takes_all: false,
         is_spent: false,
     }
 }

@@ -7,7 +7,7 @@ use super::found::{Found, SAME, position, prune, revisit};
 use super::misfit::explained;
 use super::numerics::sharp;
 use super::pushes::{is_push, stripped, with_pushes};
-use super::refine::{Contender, is_sensible, rank};
+use super::refine::{Contender, ITERATIONS, is_sensible, rank};
 use super::remainder::Remainder;
 use super::screen;
 use super::step::{
@@ -21,6 +21,9 @@ use crate::smoothing::VISIBLE;
 const MOST_EFFECTS: usize = 6;
 /// A rival's way takes another step while it has cost no more than so many times the way that it rivals.
 const GENEROUS: u64 = 1;
+/// What follows from something may come of the integration steps where it explains no more nats a sample: these are chosen so that they move a
+/// prediction by less than a third of the noise.
+const NUMERICAL: f64 = 0.5;
 /// Iterations of the initial states when pushes are taken away.
 const STATES_ALONE: usize = 5;
 
@@ -157,6 +160,8 @@ pub fn search(study: &Study, null: Fitted, seed: u64, report: Report) -> Search 
     let (base, first) = step_from(study, null.clone(), &[], Turn::First, seed, report);
     let found = if first.accepted.is_some() {
         search_from(study, base, first, seed, report)
+    } else if let Some((fine, base)) = with_shorter_steps(study, &base, &[], report) {
+        search(&fine, base, seed, report)
     } else {
         search_again(study, base, first, seed, report)
     };
@@ -450,6 +455,10 @@ impl Place {
             report,
         );
         self.sharpen();
+        let shorter = with_shorter_steps(&self.study, &self.current, &self.added, report);
+        if let Some(shorter) = shorter {
+            (self.study, self.current) = shorter;
+        }
     }
 
     /// What friction that sticks does and smoothed friction does not, is not missing.
@@ -466,6 +475,32 @@ impl Place {
             self.smooth = Some((study, current));
         }
     }
+}
+
+/// Integration steps may be short enough for the noise, and what they miss still follow from something, as from an input that changes within one
+/// of them: where half of them leave nothing beyond doubt, and what was `added` is what it is called, the study with those and the model fitted in it.
+fn with_shorter_steps(
+    study: &Study,
+    current: &Fitted,
+    added: &[Candidate],
+    report: Report,
+) -> Option<(Study, Fitted)> {
+    let left = current.left(study)?;
+    if left.gain_per_sample > NUMERICAL {
+        return None;
+    }
+    let fine = Study {
+        finer: 2 * study.finer,
+        ..study.clone()
+    };
+    let start = current.start(current.inside.theta.clone());
+    let again = fine.fit(current.hybrid.clone(), start, 1, ITERATIONS);
+    let is_itself = |candidate: &Candidate| is_sensible(&fine, candidate, &again);
+    if again.left(&fine).is_some() || !added.iter().all(is_itself) {
+        return None;
+    }
+    report("what was left came of the length of the integration steps: half of it leaves nothing");
+    Some((fine, again))
 }
 
 #[cfg(test)]

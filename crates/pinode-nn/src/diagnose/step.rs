@@ -371,14 +371,29 @@ pub fn lookalikes(
         .collect()
 }
 
-/// The best contender that has a say, where the gain of one is significant on both sides and not numerical.
+/// The best contender that has a say, where the gain of one is significant on both sides and not numerical. Where none is, but something is left
+/// beyond doubt, one with a smaller gain that leaves nothing.
 pub fn accept(
     study: &Study,
     current: &Fitted,
     contenders: &mut [Contender],
     seed: u64,
 ) -> Option<usize> {
-    let mut accepted = None;
+    let accepted = leading(study, current, contenders).or_else(|| {
+        current.left(study)?;
+        for contender in contenders.iter_mut() {
+            contender.takes_all =
+                contender.comparison.explains_a_little() && contender.fitted.left(study).is_none();
+        }
+        leading(study, current, contenders)
+    });
+    // Without those that were found to be numerical; the order stays.
+    rank(contenders, seed);
+    accepted
+}
+
+/// The contender that [`accept`] takes.
+fn leading(study: &Study, current: &Fitted, contenders: &mut [Contender]) -> Option<usize> {
     for k in 0..contenders.len() {
         if contenders[k].is_acceptable() && contenders[k].is_sound(study, current) {
             // One that is ahead of it on the seen windows and not behind on those held out.
@@ -395,13 +410,10 @@ pub fn accept(
                     best = j;
                 }
             }
-            accepted = Some(best);
-            break;
+            return Some(best);
         }
     }
-    // Without those that were found to be numerical; the order stays.
-    rank(contenders, seed);
-    accepted
+    None
 }
 
 /// The best contender that has a say and fewer constants than the `best` so far, unless that or the `k`th, which leads, would be accepted beside it: a name
@@ -460,7 +472,11 @@ fn is_numerically_sound(study: &Study, current: &Fitted, contender: &Contender) 
         fine.fit(hybrid, start, 1, 6)
     };
     let finer = Comparison::of(&again(&contender.fitted), &again(current));
-    (finer.nearly_explains() || (contender.comparison.relieves() && finer.relieves()))
+    let nearly = match contender.takes_all {
+        true => finer.explains_a_little(),
+        false => finer.nearly_explains(),
+    };
+    (nearly || (contender.comparison.relieves() && finer.relieves()))
         && finer.total() > (1.0 - NUMERICAL) * contender.comparison.total()
 }
 

@@ -170,6 +170,8 @@ const LEAST_Z: (f64, f64) = (4.0, 2.0);
 const LEAST_Z_OF_BOTH: f64 = 3.0;
 /// … and so many nats a sample of the one and of the other.
 const LEAST_GAIN: (f64, f64) = (0.05, 0.025);
+/// What takes away all that follows from anything may explain less by this factor.
+const LITTLE: f64 = 0.6;
 
 /// What an effect lacks of an explanation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -213,6 +215,12 @@ impl Comparison {
     pub fn explains(&self) -> bool {
         let z = (self.inside.z, self.outside.z);
         lacks(z, (self.inside_gain, self.outside_gain)).is_none()
+    }
+
+    /// Whether the gain is significant on both sides, and large enough for what leaves nothing.
+    pub fn explains_a_little(&self) -> bool {
+        let z = (self.inside.z, self.outside.z);
+        lacks(z, (self.inside_gain / LITTLE, self.outside_gain / LITTLE)).is_none()
     }
 
     /// Whether it is as good on the seen windows, or nearly, and half as good on those held out, of which there are fewer.

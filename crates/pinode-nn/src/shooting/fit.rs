@@ -180,6 +180,8 @@ const LEAST: f64 = 1e-9;
 /// The least damping after a step that raised the loss, how fast it grows from there, and how often one step is tried.
 const LEAST_AFTER: f64 = 1e-3;
 const HARDER: f64 = 30.0;
+/// A fit that has stopped goes on where a second look at its windows gained so many nats.
+const WORTH_GOING_ON: f64 = 3.0;
 const TRIALS: usize = 5;
 
 /// The damping after a step that gained `share` of what its equations promised (Nielsen, "Damping parameter in Marquardt's method", IMM-REP-1999-05):
@@ -243,7 +245,7 @@ pub fn fit(
     let total = |theta: &[f64], now: &[Rolled], sigma: &[f64]| -> f64 {
         problem.prior_loss(theta) + now.iter().map(|w| w.loss(sigma)).sum::<f64>()
     };
-    let (mut converged, mut was_idle) = (false, false);
+    let (mut converged, mut was_idle, mut looked) = (false, false, false);
     let mut gains = [f64::INFINITY; 2];
     let mut damping = FIRST_DAMPING;
     let mut loss = total(&theta, &now, &sigma);
@@ -297,8 +299,19 @@ pub fn fit(
         // A median that goes to and fro between two residuals moves nothing: a second step that gains nothing ends the fit as well. A short one says
         // nothing.
         if idle && !held_back && (change < 3e-3 || was_idle) {
-            converged = true;
-            break;
+            let gained = match looked {
+                false => problem.second_look(&theta, &mut now, &sigma),
+                true => 0.0,
+            };
+            looked = true;
+            if gained < WORTH_GOING_ON {
+                converged = true;
+                break;
+            }
+            sigma = spread(channels, &now);
+            loss = total(&theta, &now, &sigma);
+            was_idle = false;
+            continue;
         }
         was_idle = idle;
         if !accepted {
@@ -306,6 +319,11 @@ pub fn fit(
         }
     }
 
+    let moved = options.iterations + options.state_iterations > 0;
+    if moved && !looked && problem.second_look(&theta, &mut now, &sigma) > 0.0 {
+        sigma = spread(channels, &now);
+        loss = total(&theta, &now, &sigma);
+    }
     let reduced = problem.reduced(&theta, &mut now, &sigma);
     let (information, _) = problem.assemble(&theta, &reduced);
     let of_windows = reduced

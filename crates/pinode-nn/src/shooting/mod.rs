@@ -9,6 +9,7 @@ mod normal;
 mod observation;
 pub(crate) mod problem;
 mod roll;
+mod second_look;
 mod single_steps;
 mod stiff;
 mod variation;

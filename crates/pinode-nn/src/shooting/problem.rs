@@ -348,6 +348,16 @@ impl<'a> Problem<'a> {
             .collect()
     }
 
+    /// A step of every initial state while θ stays.
+    pub fn step_states(&self, theta: &[f64], present: &mut Vec<Rolled>, sigma: &[f64]) {
+        let reduced = self.reduced(theta, present, sigma);
+        let steps: Vec<_> = reduced
+            .into_iter()
+            .map(|r| r.map(|r| r.state_step))
+            .collect();
+        *present = self.stepped(theta, present, &steps, sigma, None);
+    }
+
     fn at<'b>(&self, theta: &'b [f64]) -> At<'b> {
         At {
             theta,
