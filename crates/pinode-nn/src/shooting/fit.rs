@@ -180,9 +180,9 @@ const LEAST: f64 = 1e-9;
 /// The least damping after a step that raised the loss, how fast it grows from there, and how often one step is tried.
 const LEAST_AFTER: f64 = 1e-3;
 const HARDER: f64 = 30.0;
-/// A fit that has stopped goes on where a second look at its windows gained so many nats.
-const WORTH_GOING_ON: f64 = 3.0;
 const TRIALS: usize = 5;
+/// A fit that has stopped goes on where windows that were stuck gained so many nats.
+const WORTH_GOING_ON: f64 = 3.0;
 
 /// The damping after a step that gained `share` of what its equations promised (Nielsen, "Damping parameter in Marquardt's method", IMM-REP-1999-05):
 /// a tenth where that was all, more than before where it was less than half.
@@ -300,16 +300,16 @@ pub fn fit(
         // nothing.
         if idle && !held_back && (change < 3e-3 || was_idle) {
             let gained = match looked {
-                false => problem.second_look(&theta, &mut now, &sigma),
+                false => problem.unstick(&theta, &mut now, &sigma),
                 true => 0.0,
             };
             looked = true;
+            sigma = spread(channels, &now);
+            loss = total(&theta, &now, &sigma);
             if gained < WORTH_GOING_ON {
                 converged = true;
                 break;
             }
-            sigma = spread(channels, &now);
-            loss = total(&theta, &now, &sigma);
             was_idle = false;
             continue;
         }
@@ -320,7 +320,7 @@ pub fn fit(
     }
 
     let moved = options.iterations + options.state_iterations > 0;
-    if moved && !looked && problem.second_look(&theta, &mut now, &sigma) > 0.0 {
+    if moved && !looked && problem.unstick(&theta, &mut now, &sigma) > 0.0 {
         sigma = spread(channels, &now);
         loss = total(&theta, &now, &sigma);
     }

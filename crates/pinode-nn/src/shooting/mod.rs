@@ -9,9 +9,10 @@ mod normal;
 mod observation;
 pub(crate) mod problem;
 mod roll;
-mod second_look;
+
 mod single_steps;
 mod stiff;
+mod stuck;
 mod variation;
 mod window;
 

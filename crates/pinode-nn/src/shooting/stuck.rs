@@ -1,4 +1,4 @@
-//! A second look at windows that leave much: from where the window before ends.
+//! Windows that are stuck: those that leave much get a second look, from where the window before ends.
 //!
 //! A window's initial state is found by Gauss–Newton steps from where the smoothed measurements begin. Friction, flanks that touch and
 //! a pole that nearly stands make its loss one of several valleys, and a glitch near the beginning is enough to lead into the wrong one: there the
@@ -7,7 +7,7 @@
 use super::problem::{HiddenPrior, Problem, Rolled};
 use super::{Member, Window, roll_all};
 
-/// Windows are looked at again that leave so many times what the middle one leaves.
+/// Windows get a second look that leave so many times what the middle one leaves.
 const LOUD: f64 = 1.25;
 /// Steps of their initial states from there.
 const STEPS: usize = 2;
@@ -17,7 +17,7 @@ const WORTH: f64 = 0.5;
 impl Problem<'_> {
     /// Takes windows from where the ones before end where that explains them better; says by how many nats, all together. The states that
     /// are taken are rolled out without derivatives.
-    pub fn second_look(&self, theta: &[f64], present: &mut [Rolled], sigma: &[f64]) -> f64 {
+    pub fn unstick(&self, theta: &[f64], present: &mut [Rolled], sigma: &[f64]) -> f64 {
         let losses: Vec<f64> = present.iter().map(|rolled| rolled.loss(sigma)).collect();
         let mut sorted = losses.clone();
         sorted.sort_by(f64::total_cmp);
