@@ -227,7 +227,7 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
         let promising = screened.iter().filter(|s| s.t2 > LEAST_T2.0);
         let mut contenders = refine_dear(study, &base, promising, report);
         rank(&mut contenders, seed);
-        if let Some(k) = accept(study, &base, &mut contenders, seed) {
+        if let Some(k) = accept(study, &base, &mut contenders, (false, seed)) {
             let step = Step {
                 screened,
                 contenders,

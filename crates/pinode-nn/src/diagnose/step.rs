@@ -272,7 +272,7 @@ impl Looking<'_> {
         rank(&mut step.contenders, self.seed);
         let alike = lookalikes(study, current, screen, &step.contenders, self.report);
         step.contenders.extend(alike);
-        step.choose(study, current, self.seed);
+        step.choose(study, current, (self.first, self.seed));
     }
 
     /// Refines candidates with states of their own, `dear`, that rival what is accepted.
@@ -288,7 +288,7 @@ impl Looking<'_> {
         let rivals = rivals.filter(|s| !in_vain(s));
         let refined = refine_dear(self.study, self.current, rivals, self.report);
         step.contenders.extend(refined);
-        step.choose(self.study, self.current, self.seed);
+        step.choose(self.study, self.current, (self.first, self.seed));
     }
 
     /// Refines pairs of candidates that mask one another.
@@ -302,7 +302,7 @@ impl Looking<'_> {
             joint.push(refine(study, current, &pair.members));
         }
         rank(&mut joint, self.seed);
-        if let Some(k) = accept(study, current, &mut joint, self.seed) {
+        if let Some(k) = accept(study, current, &mut joint, (self.first, self.seed)) {
             step.contenders = joint;
             step.accepted = Some(k);
         }
@@ -321,9 +321,9 @@ impl Step {
         self.contenders.get(self.accepted?)
     }
 
-    fn choose(&mut self, study: &Study, current: &Fitted, seed: u64) {
+    fn choose(&mut self, study: &Study, current: &Fitted, (first, seed): (bool, u64)) {
         rank(&mut self.contenders, seed);
-        self.accepted = accept(study, current, &mut self.contenders, seed);
+        self.accepted = accept(study, current, &mut self.contenders, (first, seed));
     }
 
     /// What speaks for what is accepted, nats.
@@ -372,15 +372,16 @@ pub fn lookalikes(
 }
 
 /// The best contender that has a say, where the gain of one is significant on both sides and not numerical. Where none is, but something is left
-/// beyond doubt, one with a smaller gain that leaves nothing.
+/// beyond doubt, one with a smaller gain that leaves nothing: of the `first` name only, for beside one that stands in for what is there others take
+/// what it leaves.
 pub fn accept(
     study: &Study,
     current: &Fitted,
     contenders: &mut [Contender],
-    seed: u64,
+    (first, seed): (bool, u64),
 ) -> Option<usize> {
     let accepted = leading(study, current, contenders).or_else(|| {
-        current.left(study)?;
+        current.left(study).filter(|_| first)?;
         for contender in contenders.iter_mut() {
             contender.takes_all =
                 contender.comparison.explains_a_little() && contender.fitted.left(study).is_none();

@@ -41,7 +41,7 @@ fn a_motor_that_weakens_is_said_to_change_with_time() {
     let weaker = |t: f64| 1.0 - 0.3 * t / 60.0;
     let found = diagnosed(
         &model(true),
-        log(2, |t, [_, v], u| weaker(t) * u - VISCOUS * v),
+        log_of_swings(2, |t, [_, v], u| weaker(t) * u - VISCOUS * v),
     );
     let change = found
         .change

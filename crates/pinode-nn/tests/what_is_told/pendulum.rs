@@ -47,7 +47,15 @@ pub fn log(seed: u64, law: impl Fn(f64, [f64; 2], f64) -> f64) -> Log {
     log_by(NOISE, seed, law)
 }
 
-/// The same by a sensor of this noise.
+/// The same under half of the torque, by which the pendulum does not turn over: near the top one window knows more of its
+/// torque than all others, and what it leaves is a matter of luck.
+pub fn log_of_swings(seed: u64, law: impl Fn(f64, [f64; 2], f64) -> f64) -> Log {
+    let mut log = log_under(|t| 0.5 * torque(t), NOISE, seed, law);
+    log.runs[0].v = vec![None];
+    log
+}
+
+/// The same as [`log`] by a sensor of this noise.
 pub fn log_by(sensor: f64, seed: u64, law: impl Fn(f64, [f64; 2], f64) -> f64) -> Log {
     let mut log = log_of_both(sensor, seed, law);
     log.runs[0].v = vec![None];
@@ -56,6 +64,15 @@ pub fn log_by(sensor: f64, seed: u64, law: impl Fn(f64, [f64; 2], f64) -> f64) -
 
 /// The same with velocities as they are.
 pub fn log_of_both(sensor: f64, seed: u64, law: impl Fn(f64, [f64; 2], f64) -> f64) -> Log {
+    log_under(torque, sensor, seed, law)
+}
+
+fn log_under(
+    torque: impl Fn(f64) -> f64,
+    sensor: f64,
+    seed: u64,
+    law: impl Fn(f64, [f64; 2], f64) -> f64,
+) -> Log {
     const SUBSTEPS: usize = 80;
     let mut noise = ChaCha8Rng::seed_from_u64(seed);
     let mut noise = || -> f64 { StandardNormal.sample(&mut noise) };
