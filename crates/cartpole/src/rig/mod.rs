@@ -52,7 +52,6 @@ use effects::{Drive, Effects};
 use noise::Coloured;
 use operator::Operator;
 use plant::Plant;
-use sampling::TICKS;
 use sensors::{Sensors, backward_difference};
 use truth::{State, Truth};
 
@@ -199,12 +198,6 @@ impl Run<'_> {
             since: 1,
             recent: VecDeque::new(),
         }
-    }
-
-    /// Length of an interval of the bench, s.
-    fn tick(&self) -> f64 {
-        let rows = 1.0 / self.rate;
-        self.sampling.map_or(rows, |_| rows / f64::from(TICKS))
     }
 
     /// The rig from rest under the force, N, that `hand` asks for at the beginning of each row, where it sees the rig and the

@@ -12,7 +12,7 @@ use super::{Recording, Run, stream};
 use crate::config::Range;
 
 /// Instants in an interval at which a row may be taken.
-pub(super) const TICKS: u32 = 32;
+const TICKS: u32 = 32;
 
 /// A logger that is not even.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -82,6 +82,12 @@ pub(super) struct Row {
 }
 
 impl Run<'_> {
+    /// Length of an interval of the bench, s.
+    pub(super) fn tick(&self) -> f64 {
+        let rows = 1.0 / self.rate;
+        self.sampling.map_or(rows, |_| rows / f64::from(TICKS))
+    }
+
     /// The rows of the recording.
     pub(super) fn clock(&self) -> Vec<Row> {
         let Some(sampling) = self.sampling else {

@@ -21,9 +21,9 @@ use crate::smoothing::VISIBLE;
 const MOST_EFFECTS: usize = 6;
 /// A rival's way takes another step while it has cost no more than so many times the way that it rivals.
 const GENEROUS: u64 = 1;
-/// What follows from something may come of the integration steps where it explains no more nats a sample: these are chosen so that they move a
-/// prediction by less than a third of the noise.
-const NUMERICAL: f64 = 0.5;
+/// What follows from something may come of the integration steps where it explains no more nats a sample. These are chosen so that they move a
+/// prediction by less than a third of the noise, 0.05 nats, before it is known that an input is late by a part of one.
+const OF_STEPS: f64 = 0.5;
 /// Iterations of the initial states when pushes are taken away.
 const STATES_ALONE: usize = 5;
 
@@ -486,13 +486,10 @@ fn with_shorter_steps(
     report: Report,
 ) -> Option<(Study, Fitted)> {
     let left = current.left(study)?;
-    if left.gain_per_sample > NUMERICAL {
+    if left.gain_per_sample > OF_STEPS {
         return None;
     }
-    let fine = Study {
-        finer: 2 * study.finer,
-        ..study.clone()
-    };
+    let fine = study.with_half_the_steps();
     let start = current.start(current.inside.theta.clone());
     let again = fine.fit(current.hybrid.clone(), start, 1, ITERATIONS);
     let is_itself = |candidate: &Candidate| is_sensible(&fine, candidate, &again);

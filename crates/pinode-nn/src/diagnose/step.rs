@@ -463,10 +463,7 @@ fn is_numerically_sound(study: &Study, current: &Fitted, contender: &Contender) 
     if contender.comparison.inside_gain > 0.5 || contender.imitated {
         return true;
     }
-    let fine = Study {
-        finer: 2 * study.finer,
-        ..study.clone()
-    };
+    let fine = study.with_half_the_steps();
     let again = |fitted: &Fitted| {
         let hybrid = fitted.hybrid.with_smoothing_scale(0.5);
         let start = fitted.start(fitted.inside.theta.clone());
@@ -486,9 +483,59 @@ mod tests {
     #![allow(clippy::panic)]
 
     use super::super::pushes::tests::prepared_with;
+    use std::sync::OnceLock;
+
     use super::super::refine::contender;
     use super::super::setup::Prepared;
+    use super::super::shapes::Follows;
     use super::*;
+
+    #[test]
+    fn a_near_miss_is_taken_as_the_first_name_where_it_leaves_nothing_of_what_is_there() {
+        let (_dir, Prepared { study, null, .. }) = prepared_with(0.0, 0.8);
+        let leaves = |left: Option<Remainder>| {
+            let mut fitted = null.clone();
+            fitted.left = OnceLock::from(left);
+            fitted
+        };
+        let something = Remainder {
+            coordinate: 0,
+            follows: Follows::Velocity,
+            gain: 200.0,
+            gain_per_sample: 0.06,
+            z: 6.0,
+            by_motion: 200.0,
+        };
+        assert!(something.is_significant());
+        let miss = |gain: f64, left: Option<Remainder>| {
+            let viscous = Candidate::named("viscous_friction", 0);
+            let mut own = contender(&study, vec![viscous], leaves(left), &null);
+            own.is_sensible = true;
+            own.numerically_sound = Some(true);
+            (own.comparison.inside.z, own.comparison.outside.z) = (7.0, 3.0);
+            (own.comparison.inside_gain, own.comparison.outside_gain) = (gain, gain);
+            own
+        };
+        let accepts = |current: &Fitted, own: Contender, first: bool| {
+            accept(&study, current, &mut [own], (first, 0)).is_some()
+        };
+        let (there, nothing) = (leaves(Some(something.clone())), leaves(None));
+        assert!(accepts(&there, miss(0.045, None), true));
+        assert!(!accepts(&there, miss(0.029, None), true), "too little");
+        assert!(
+            !accepts(&there, miss(0.045, Some(something)), true),
+            "it leaves as much"
+        );
+        assert!(
+            !accepts(&nothing, miss(0.045, None), true),
+            "nothing was there"
+        );
+        assert!(!accepts(&there, miss(0.045, None), false), "beside another");
+        assert!(
+            accepts(&nothing, miss(0.051, None), false),
+            "enough by itself"
+        );
+    }
 
     #[test]
     fn what_explained_nothing_is_asked_again_where_it_is_promised_more() {

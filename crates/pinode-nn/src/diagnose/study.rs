@@ -253,6 +253,14 @@ impl Comparison {
 }
 
 impl Study {
+    /// The same with half the integration steps.
+    pub fn with_half_the_steps(&self) -> Self {
+        Study {
+            finer: 2 * self.finer,
+            ..self.clone()
+        }
+    }
+
     /// What all fits might have cost so far.
     pub fn work(&self) -> u64 {
         self.work.load(Ordering::Relaxed)

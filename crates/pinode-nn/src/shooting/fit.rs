@@ -231,11 +231,7 @@ pub fn fit(
             forget(&mut now);
             reduced = of.reduced(&theta, &mut now, &sigma);
         }
-        let steps: Vec<_> = reduced
-            .into_iter()
-            .map(|r| r.map(|r| r.state_step))
-            .collect();
-        now = of.stepped(&theta, &now, &steps, &sigma, None);
+        now = of.stepped_alone(&theta, &now, reduced, &sigma);
         if of.free.is_empty() && !free.is_empty() {
             forget(&mut now);
         }

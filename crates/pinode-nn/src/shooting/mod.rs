@@ -9,7 +9,6 @@ mod normal;
 mod observation;
 pub(crate) mod problem;
 mod roll;
-
 mod single_steps;
 mod stiff;
 mod stuck;

@@ -53,6 +53,15 @@ impl HiddenPrior {
         }
     }
 
+    /// What is known in some of the windows.
+    pub(crate) fn some(&self, windows: &[usize]) -> Self {
+        let of = |all: &[Vec<f64>]| windows.iter().map(|&window| all[window].clone()).collect();
+        HiddenPrior {
+            means: of(&self.means),
+            spreads: of(&self.spreads),
+        }
+    }
+
     /// (entry of h, 1/spread, (mean − h)/spread) for a window with these h.
     fn of<'a>(
         &'a self,
@@ -348,14 +357,19 @@ impl<'a> Problem<'a> {
             .collect()
     }
 
-    /// A step of every initial state while θ stays.
-    pub fn step_states(&self, theta: &[f64], present: &mut Vec<Rolled>, sigma: &[f64]) {
-        let reduced = self.reduced(theta, present, sigma);
+    /// The roll-outs after a step of every initial state by its reduced equations, while θ stays.
+    pub fn stepped_alone(
+        &self,
+        theta: &[f64],
+        present: &[Rolled],
+        reduced: Vec<Option<Reduced>>,
+        sigma: &[f64],
+    ) -> Vec<Rolled> {
         let steps: Vec<_> = reduced
             .into_iter()
             .map(|r| r.map(|r| r.state_step))
             .collect();
-        *present = self.stepped(theta, present, &steps, sigma, None);
+        self.stepped(theta, present, &steps, sigma, None)
     }
 
     fn at<'b>(&self, theta: &'b [f64]) -> At<'b> {
