@@ -47,6 +47,7 @@ mod shapes;
 mod shown;
 mod simplify;
 pub mod sketch;
+mod slight;
 pub(crate) mod smooth;
 mod starts;
 mod step;

@@ -48,22 +48,37 @@ pub struct Contender {
     pub wins: f64,
     /// Whether its gain stands under a finer integration and a narrower smoothing; `None`: not asked.
     pub numerically_sound: Option<bool>,
-    /// Whether the model before leaves something beyond doubt, and this one, which explains a little, nothing.
-    pub takes_all: bool,
+    /// What lets it in, or gives it a say, where it does not explain enough by itself.
+    pub standing: Standing,
     /// Whether further iterations from where it is were tried and did not explain more.
     is_spent: bool,
 }
 
+/// What a contender has beside what it explains.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Standing {
+    /// Nothing.
+    Usual,
+    /// The model before leaves something beyond doubt, and this one, which explains a little, nothing.
+    TakesAll,
+    /// It explains little, and is sure ([`slight`](super::slight)).
+    Slight,
+    /// It explains as little as one that is sure.
+    BesideSlight,
+}
+
 impl Contender {
-    /// Whether it would be accepted by itself.
+    /// Whether it would be accepted by itself, or is let in all the same.
     pub fn is_acceptable(&self) -> bool {
         let relieves = self.imitated && self.is_sure && self.comparison.relieves();
-        self.is_sensible && (self.comparison.explains() || relieves || self.takes_all)
+        let let_in = matches!(self.standing, Standing::TakesAll | Standing::Slight);
+        self.is_sensible && (self.comparison.explains() || relieves || let_in)
     }
 
     /// Whether it has a say where another would be accepted: what is there may be the one that falls short by a little.
     pub fn is_rival(&self) -> bool {
-        let nearly = self.is_sensible && self.comparison.nearly_explains();
+        let beside = self.standing == Standing::BesideSlight;
+        let nearly = self.is_sensible && (self.comparison.nearly_explains() || beside);
         (nearly || self.is_acceptable()) && self.numerically_sound != Some(false)
     }
 }
@@ -194,7 +209,7 @@ pub fn contender(
         fitted,
         wins: 0.0,
         numerically_sound: None,
-        takes_all: false,
+        standing: Standing::Usual,
         is_spent: false,
     }
 }

@@ -174,13 +174,17 @@ fn search_again(study: &Study, base: Fitted, first: Step, seed: u64, report: Rep
     let pushed = with_pushes(study, &base);
     let start = pushed.as_ref().unwrap_or(&base);
     let (start, again) = step_from(study, start.clone(), &[], Turn::Again, seed, report);
+    let again = again.or_slight(study, &start, seed);
     match pushed {
         None => search_from(study, start, again, seed, report),
         Some(_) if again.accepted.is_some() => {
             search_from(study, start, again, seed, report).without_pushes(study, base)
         }
         // What was tried on the model as given is what is told.
-        Some(_) => search_from(study, base, first, seed, report),
+        Some(_) => {
+            let first = first.or_slight(study, &base, seed);
+            search_from(study, base, first, seed, report)
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::candidate::Candidate;
 use super::refine::{
-    Contender, FIRST_LOOK, ITERATIONS, polish, rank, refine, refine_one, would_relieve,
+    Contender, FIRST_LOOK, ITERATIONS, Standing, polish, rank, refine, refine_one, would_relieve,
 };
 use super::released::{is_ahead, released};
 use super::remainder::Remainder;
@@ -383,8 +383,10 @@ pub fn accept(
     let accepted = leading(study, current, contenders).or_else(|| {
         current.left(study).filter(|_| first)?;
         for contender in contenders.iter_mut() {
-            contender.takes_all =
-                contender.comparison.explains_a_little() && contender.fitted.left(study).is_none();
+            let (compared, fitted) = (&contender.comparison, &contender.fitted);
+            if compared.explains_a_little() && fitted.left(study).is_none() {
+                contender.standing = Standing::TakesAll;
+            }
         }
         leading(study, current, contenders)
     });
@@ -393,8 +395,8 @@ pub fn accept(
     accepted
 }
 
-/// The contender that [`accept`] takes.
-fn leading(study: &Study, current: &Fitted, contenders: &mut [Contender]) -> Option<usize> {
+/// The best contender that has a say, where one is acceptable and not numerical; in place of it a simpler one that does as well.
+pub fn leading(study: &Study, current: &Fitted, contenders: &mut [Contender]) -> Option<usize> {
     for k in 0..contenders.len() {
         if contenders[k].is_acceptable() && contenders[k].is_sound(study, current) {
             // One that is ahead of it on the seen windows and not behind on those held out.
@@ -423,7 +425,8 @@ fn leading(study: &Study, current: &Fitted, contenders: &mut [Contender]) -> Opt
 pub fn simpler(contenders: &[Contender], k: usize, best: usize) -> Option<usize> {
     let constants = |c: &Contender| c.fitted.inside.free.len();
     let earns = |c: usize, other: &Contender| {
-        Comparison::of(&contenders[c].fitted, &other.fitted).explains()
+        let lead = Comparison::of(&contenders[c].fitted, &other.fitted);
+        lead.explains() || (contenders[c].standing == Standing::Slight && lead.leads_slightly())
     };
     let mut ahead = usize::MAX;
     contenders.iter().position(|other| {
@@ -470,9 +473,10 @@ fn is_numerically_sound(study: &Study, current: &Fitted, contender: &Contender) 
         fine.fit(hybrid, start, 1, 6)
     };
     let finer = Comparison::of(&again(&contender.fitted), &again(current));
-    let nearly = match contender.takes_all {
-        true => finer.explains_a_little(),
-        false => finer.nearly_explains(),
+    let nearly = match contender.standing {
+        Standing::Usual => finer.nearly_explains(),
+        Standing::TakesAll => finer.explains_a_little(),
+        Standing::Slight | Standing::BesideSlight => finer.explains_slightly(),
     };
     (nearly || (contender.comparison.relieves() && finer.relieves()))
         && finer.total() > (1.0 - NUMERICAL) * contender.comparison.total()

@@ -173,6 +173,11 @@ const LEAST_GAIN: (f64, f64) = (0.05, 0.025);
 /// What takes away all that follows from anything may explain less by this factor.
 const LITTLE: f64 = 0.6;
 
+/// What is slight explains the seen windows by so many standard errors and so many nats a sample.
+const SLIGHT: (f64, f64) = (1.5, 0.01);
+/// Ahead by so many standard errors in the seen windows and in those held out it earns more constants.
+const SLIGHT_LEAD: (f64, f64) = (2.0, 1.0);
+
 /// What an effect lacks of an explanation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Lack {
@@ -221,6 +226,17 @@ impl Comparison {
     pub fn explains_a_little(&self) -> bool {
         let z = (self.inside.z, self.outside.z);
         lacks(z, (self.inside_gain / LITTLE, self.outside_gain / LITTLE)).is_none()
+    }
+
+    /// Whether both sides gain, the seen windows by enough for what is [`slight`](super::slight).
+    pub fn explains_slightly(&self) -> bool {
+        self.inside.z > SLIGHT.0 && self.inside_gain > SLIGHT.1 && self.outside.gain > 0.0
+    }
+
+    /// Whether one that is slight is ahead of another by enough for its additional constants.
+    pub fn leads_slightly(&self) -> bool {
+        let (z_in, z_out) = SLIGHT_LEAD;
+        self.explains_slightly() && self.inside.z > z_in && self.outside.z > z_out
     }
 
     /// Whether it is as good on the seen windows, or nearly, and half as good on those held out, of which there are fewer.
@@ -309,6 +325,19 @@ impl Study {
         };
         fitted.inside.states = some(&fitted.inside.states, share);
         fitted.outside.states.clear();
+        (study, fitted)
+    }
+
+    /// The windows held out as if they were the seen ones, and a fitted model there.
+    pub fn of_held_out(&self, fitted: &Fitted) -> (Study, Fitted) {
+        let mut study = self.clone();
+        study.windows.fit = std::mem::take(&mut study.windows.held_out);
+        let mut fitted = Fitted {
+            left: OnceLock::new(),
+            errors: OnceLock::new(),
+            ..fitted.clone()
+        };
+        fitted.inside.states = std::mem::take(&mut fitted.outside.states);
         (study, fitted)
     }
 

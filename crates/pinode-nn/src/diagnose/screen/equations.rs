@@ -15,9 +15,7 @@ use crate::shooting::{SmallForce, Trajectory};
 /// Screens the candidates of the kinds that `counts` keeps at the fitted model.
 pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) -> Screen {
     let (hybrid, fit) = (&fitted.hybrid, &fitted.inside);
-    let windows = &study.windows.fit;
-    let linear = Linearisation::new(study, fitted);
-    let columns: Vec<Column> = Candidate::all(hybrid)
+    let columns = Candidate::all(hybrid)
         .into_iter()
         .filter(|candidate| counts(candidate.kind))
         .filter(|candidate| !study.without.contains(&candidate.kind))
@@ -40,8 +38,45 @@ pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) ->
                             .collect(),
                     }
                 })
-        })
-        .collect();
+        });
+    let mut screen = of_columns(study, fitted, columns.collect());
+    let mut candidates: Vec<Candidate> = screen.columns.iter().map(|c| c.candidate).collect();
+    candidates.dedup();
+    let suggested = |c: Candidate| {
+        let starts = c.kind.suggested(&c.scales(hybrid, &study.scales));
+        (!starts.is_empty()).then_some((c, starts))
+    };
+    screen.suggested = candidates.into_iter().filter_map(suggested).collect();
+    screen.rank();
+    screen
+}
+
+/// By how many standard errors the scores of the seen windows of a study ask for a candidate that a fit gave these parameters: t of the whole step into
+/// it, to first order about a model without it. `None` where the samples do not follow it.
+pub fn asked(
+    study: &Study,
+    fitted: &Fitted,
+    candidate: Candidate,
+    parameters: &[f64],
+) -> Option<f64> {
+    let column = Column {
+        candidate,
+        known: 0.0,
+        neutral: Vec::new(),
+        perturbed: parameters.to_vec(),
+    };
+    let screen = of_columns(study, fitted, vec![column]);
+    let own = screen.scores.iter().map(|e| e.get(0).copied());
+    let own: Vec<f64> = own.collect::<Option<_>>()?;
+    let squares: f64 = own.iter().map(|e| e * e).sum();
+    (squares > 0.0).then(|| own.iter().sum::<f64>() / squares.sqrt())
+}
+
+/// A screen of these columns, its candidates still to be ranked.
+fn of_columns(study: &Study, fitted: &Fitted, columns: Vec<Column>) -> Screen {
+    let fit = &fitted.inside;
+    let windows = &study.windows.fit;
+    let linear = Linearisation::new(study, fitted);
     let (columns, probed): (Vec<Column>, Vec<Probed>) = columns
         .into_par_iter()
         .filter_map(|column| {
@@ -89,24 +124,16 @@ pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) ->
         .map(|g| g.rows(nuisances, columns.len()) - by_nuisance.transpose() * g.rows(0, nuisances))
         .collect();
     let strain = by_nuisance.transpose() * linear.strain();
-    let mut candidates: Vec<Candidate> = columns.iter().map(|column| column.candidate).collect();
-    candidates.dedup();
-    let suggested = |c: Candidate| {
-        let starts = c.kind.suggested(&c.scales(hybrid, &study.scales));
-        (!starts.is_empty()).then_some((c, starts))
-    };
-    let mut screen = Screen {
+    Screen {
         ranked: Vec::new(),
-        suggested: candidates.into_iter().filter_map(suggested).collect(),
+        suggested: Vec::new(),
         alone: s_cc.diagonal().iter().copied().collect(),
         strain,
         columns,
         scores,
         information,
         by_nuisance,
-    };
-    screen.rank();
-    screen
+    }
 }
 
 /// The states of a window under each probe that is but a force along its roll-out, to first order; eight at a time.

@@ -14,7 +14,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::candidate::Candidate;
 
-pub use equations::screen;
+pub use equations::{asked, screen};
 use probed::Column;
 
 /// What the screen says of one candidate.
