@@ -724,6 +724,31 @@ fn a_row_that_several_laws_hold_at_once_has_no_events_without_end() {
     wagons(0.0, m, level, between, v, 15.675735763343253).unwrap();
 }
 
+/// A blow while a neighbour's buffers are still closed from the blow before, and part already.
+#[test]
+fn a_blow_beside_buffers_that_part_gains_no_energy() {
+    let m = [
+        2.5929316367774127,
+        0.2507057961268563,
+        2.60384912962277,
+        2.9252750313637987,
+    ];
+    let level = [
+        1.9565648377867688,
+        1.1742413048957983,
+        0.5826744036775673,
+        0.4605717805748484,
+    ];
+    let between = [0.38830745904334973, 0.8957129349956361, 0.6471504074212885];
+    let v = [
+        0.18975806684623142,
+        -3.406914967219278,
+        -3.5304254901647116,
+        -3.3878710583519855,
+    ];
+    wagons(1.0, m, level, between, v, 6.0178103960848555).unwrap();
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, cases: 64, ..ProptestConfig::default() })]
 

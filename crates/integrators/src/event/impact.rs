@@ -2,8 +2,10 @@
 //!
 //! Forces that stay finite do nothing in an instant; friction does not know of the blow of a stop here, so v jumps by the impulses
 //! Λ ≥ 0 of the closed stops alone: M (v⁺ − v⁻) = Wᵀ Λ. Each obeys Newton's law where it acts, w·v⁺ ≥ −e min(w·v⁻, 0) and Λ ≥ 0,
-//! one of the two with equality: a complementarity problem with A = W M⁻¹ Wᵀ and b = W v⁻ + e min(W v⁻, 0). Energy does not rise if
-//! all stops that are struck at once have one e; with different ones it can.
+//! one of the two with equality: a complementarity problem with A = W M⁻¹ Wᵀ and b = W v⁻ + e min(W v⁻, 0). The energy changes by
+//! ½ Σ Λ (w·v⁺ + w·v⁻), where a stop that gives an impulse has w·v⁺ = −e w·v⁻ if bodies approach there or rest, so that it does not
+//! rise. Where they part already, with w·v⁻ > 0 and w·v⁺ = 0, it would: such a stop is not asked, and struck in its turn, in the same
+//! instant, if the blow makes them approach.
 
 use super::complementarity::Complementarity;
 use super::law::{Kind, Strike};
@@ -11,6 +13,9 @@ use super::motion::{Motion, Work, dot};
 use super::rest::Rest;
 use super::{ContactError, ContactSystem, Event, EventKind};
 use crate::Space;
+
+/// So many blows of one instant are those of stops with their own e, one after the other; what is left then ends in one without rebound.
+const BLOWS: usize = 100;
 
 /// Memory of the impacts.
 #[derive(Debug, Clone, Default)]
@@ -35,10 +40,36 @@ impl Impact {
         still: &mut [bool],
         events: &mut Vec<Event>,
     ) -> Result<(), ContactError<S::Error>> {
-        let laws = motion.laws;
-        if !self.collect(motion, x) {
-            return Ok(());
+        let mut blows = 0;
+        while blows <= BLOWS && self.collect(motion, x, blows == BLOWS) {
+            let of_blow = |law: usize, e: f64, speed: f64| match blows < BLOWS {
+                true => restitution(law, e, speed),
+                false => 0.0,
+            };
+            self.strike(
+                motion,
+                (time, &mut *x, u),
+                of_blow,
+                (&mut *problem, &mut *rest, &mut *work),
+                still,
+                events,
+            )?;
+            blows += 1;
         }
+        Ok(())
+    }
+
+    /// One blow at the collected stops.
+    fn strike<S: ContactSystem>(
+        &mut self,
+        motion: &Motion<'_, S>,
+        (time, x, u): (f64, &mut [f64], &S::Input),
+        restitution: impl Fn(usize, f64, f64) -> f64,
+        (problem, rest, work): (&mut Complementarity, &mut Rest, &mut Work<S::Memory>),
+        still: &mut [bool],
+        events: &mut Vec<Event>,
+    ) -> Result<(), ContactError<S::Error>> {
+        let laws = motion.laws;
         // No law slides in an instant.
         let at_impact = Motion {
             contacts: &[],
@@ -124,8 +155,9 @@ impl Impact {
         Ok(())
     }
 
-    /// The closed stops, their w·v⁻ and, in `wanted`, their speeds of approach; whether anything approaches one of them.
-    fn collect<S: ContactSystem>(&mut self, motion: &Motion<'_, S>, x: &[f64]) -> bool {
+    /// The closed stops, those where bodies `part` only if asked, their w·v⁻ and, in `wanted`, their speeds of approach; whether anything approaches
+    /// one of them.
+    fn collect<S: ContactSystem>(&mut self, motion: &Motion<'_, S>, x: &[f64], part: bool) -> bool {
         let (q, v) = motion.split(x);
         self.closed.clear();
         self.before.clear();
@@ -140,6 +172,9 @@ impl Impact {
                 continue;
             }
             let (slip, rounding) = law.slip(v);
+            if slip > rounding && !part {
+                continue;
+            }
             let approach = if slip < -rounding { -slip } else { 0.0 };
             approaches |= approach > 0.0;
             self.closed.push(k);
