@@ -6,15 +6,18 @@
 //! fitted to, and in those held out. Without an effect both are normal, and t_in² + max(t_out, 0)² is beyond T² with a probability below exp(−T²/2).
 
 use super::found::position;
+use super::numerics::sharp;
 use super::refine::{Contender, Standing, rank};
 use super::screen::asked;
 use super::step::{Step, leading};
-use super::study::{Fitted, Study};
+use super::study::{Comparison, Fitted, Study};
 
 /// One name in so many is sure by chance, of those with one probe; of those with several, one of whose probes the fit began with, as many fewer.
 const BY_CHANCE: f64 = 3e-4;
 /// The windows held out ask for it by so many standard errors at least.
 const ASKED: f64 = 1.0;
+/// Roll-outs that differ by so many times the noise differ by 0.01 nats a sample, half its square: the least gain of what is slight.
+const SEEN: f64 = 0.141;
 
 impl Step {
     /// Accepts the best of what explains little and is sure, where the step, made from `current`, has accepted nothing.
@@ -31,6 +34,7 @@ impl Step {
                 };
             }
         }
+        self.forgive_smoothing(study, current);
         self.accepted = leading(study, current, &mut self.contenders);
         if self.accepted.is_none() {
             // Nobody has a say where nobody is sure.
@@ -40,6 +44,23 @@ impl Step {
         }
         rank(&mut self.contenders, seed);
         self
+    }
+
+    /// A law of dry friction may do no more than friction that is as sharp as what is slight would show: then it has no say.
+    fn forgive_smoothing(&mut self, study: &Study, current: &Fitted) {
+        let rubs = |c: &Contender| c.added.iter().any(|c| c.kind.dry().is_some());
+        let is_slight = |c: &Contender| c.standing == Standing::Slight && rubs(c);
+        if !(study.may_sharpen && self.contenders.iter().any(is_slight)) {
+            return;
+        }
+        let Some((_, sharper)) = sharp(study, current, SEEN) else {
+            return;
+        };
+        for contender in self.contenders.iter_mut().filter(|c| rubs(c)) {
+            if !Comparison::of(&contender.fitted, &sharper).explains_slightly() {
+                contender.standing = Standing::Usual;
+            }
+        }
     }
 }
 
