@@ -175,6 +175,8 @@ const LITTLE: f64 = 0.6;
 
 /// What is slight explains the seen windows by so many standard errors and so many nats a sample.
 const SLIGHT: (f64, f64) = (1.5, 0.01);
+/// … and those held out by this share of that at least.
+const BORNE_OUT: f64 = 0.1;
 /// Ahead by so many standard errors in the seen windows and in those held out it earns more constants.
 const SLIGHT_LEAD: (f64, f64) = (2.0, 1.0);
 
@@ -228,9 +230,12 @@ impl Comparison {
         lacks(z, (self.inside_gain / LITTLE, self.outside_gain / LITTLE)).is_none()
     }
 
-    /// Whether both sides gain, the seen windows by enough for what is [`slight`](super::slight).
+    /// Whether both sides gain, the seen windows by enough for what is [`slight`](super::slight), and those held out by more than next to
+    /// nothing of that, which would not bear it out.
     pub fn explains_slightly(&self) -> bool {
-        self.inside.z > SLIGHT.0 && self.inside_gain > SLIGHT.1 && self.outside.gain > 0.0
+        self.inside.z > SLIGHT.0
+            && self.inside_gain > SLIGHT.1
+            && self.outside_gain > BORNE_OUT * self.inside_gain
     }
 
     /// Whether one that is slight is ahead of another by enough for its additional constants.
@@ -530,6 +535,27 @@ fn with_hidden(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_slight_is_borne_out_by_the_windows_held_out() {
+        let paired = |z: f64, gain: f64| Paired {
+            z,
+            gain,
+            windows: 25,
+        };
+        let slight = |gain: f64, held_out: f64| Comparison {
+            inside: paired(2.1, 40.0),
+            outside: paired(1.1, 5.0),
+            inside_gain: gain,
+            outside_gain: held_out,
+            relief: 0.0,
+        };
+        assert!(slight(0.02, 0.003).explains_slightly());
+        assert!(!slight(0.009, 0.02).explains_slightly(), "too little");
+        assert!(!slight(1.43, 0.001).explains_slightly(), "they hardly move");
+        assert!(!slight(0.02, f64::NAN).explains_slightly());
+        assert!(slight(0.02, 0.003).leads_slightly());
+    }
 
     #[test]
     fn an_explanation_is_large_enough_and_sure_on_the_windows_that_the_fit_saw_and_on_those_held_out()
