@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use cartpole::config::Config;
+use cartpole::config::{Config, NoiseLevel};
 use cartpole::rig::{self, Hidden, Target};
 use pinode_nn::diagnose::diagnose_without;
 use pinode_nn::diagnose::verdict::{Diagnosis, ParameterValue, Verdict};
@@ -27,13 +27,18 @@ fn diagnosed(hidden: &Hidden, seed: u64, seconds: f64) -> Diagnosis {
 
 /// The same by a library that lacks the kinds `without`.
 fn diagnosed_without(hidden: &Hidden, seed: u64, seconds: f64, without: &[&str]) -> Diagnosis {
-    let dir = tempfile::tempdir().unwrap();
     let config = Config {
         duration: seconds,
         ..Config::read(&models().join("rig.toml")).unwrap()
     };
+    diagnosed_by(&config, hidden, seed, without)
+}
+
+/// The same on the rig that is configured so.
+fn diagnosed_by(config: &Config, hidden: &Hidden, seed: u64, without: &[&str]) -> Diagnosis {
+    let dir = tempfile::tempdir().unwrap();
     let log = dir.path().join("log.csv");
-    rig::run(&config, hidden, seed)
+    rig::run(config, hidden, seed)
         .unwrap()
         .write_csv(&log)
         .unwrap();
@@ -325,6 +330,18 @@ fn a_law_that_the_library_lacks_is_missed_and_what_it_follows_is_told() {
             assert!(named.confidence < 0.9, "{hidden:?}: {named:?}");
         }
     }
+}
+
+/// With little noise the friction that the model knows of shows that it is smoothed: what is sure is that this is not Stribeck's law.
+#[test]
+fn friction_that_could_be_sharper_is_no_other_friction() {
+    let config = Config {
+        duration: 60.0,
+        noise: NoiseLevel::Low,
+        ..Config::read(&models().join("rig.toml")).unwrap()
+    };
+    let diagnosis = diagnosed_by(&config, &Hidden::Nothing, 100103, &[]);
+    assert!(diagnosis.effects.is_empty(), "{:?}", diagnosis.effects);
 }
 
 #[test]

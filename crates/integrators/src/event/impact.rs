@@ -5,7 +5,7 @@
 //! one of the two with equality: a complementarity problem with A = W M⁻¹ Wᵀ and b = W v⁻ + e min(W v⁻, 0). The energy changes by
 //! ½ Σ Λ (w·v⁺ + w·v⁻), where a stop that gives an impulse has w·v⁺ = −e w·v⁻ if bodies approach there or rest, so that it does not
 //! rise. Where they part already, with w·v⁻ > 0 and w·v⁺ = 0, it would: such a stop is not asked, and struck in its turn, in the same
-//! instant, if the blow makes them approach.
+//! instant, if the blow makes them approach. Only the last blow that an instant may have is at all closed stops at once.
 
 use super::complementarity::Complementarity;
 use super::law::{Kind, Strike};
@@ -13,9 +13,6 @@ use super::motion::{Motion, Work, dot};
 use super::rest::Rest;
 use super::{ContactError, ContactSystem, Event, EventKind};
 use crate::Space;
-
-/// So many blows of one instant are those of stops with their own e, one after the other; what is left then ends in one without rebound.
-const BLOWS: usize = 100;
 
 /// Memory of the impacts.
 #[derive(Debug, Clone, Default)]
@@ -29,47 +26,22 @@ pub(super) struct Impact {
 }
 
 impl Impact {
-    /// Resolves what approaches at closed stops, with the `restitution(law, e, speed of approach)` in place of a law's own e. Of the laws
-    /// that are `still`, those that move now are none any more; stops without rebound are.
-    pub fn resolve<S: ContactSystem>(
+    /// One blow at what approaches at closed stops, with the `restitution(law, e, speed of approach)` in place of a law's own e; whether there was one.
+    /// The `last` one of an instant is at those where bodies part as well: nothing approaches after it. Of the laws that are `still`, those that move
+    /// now are none any more; stops without rebound are.
+    pub fn strike<S: ContactSystem>(
         &mut self,
-        motion: &Motion<'_, S>,
+        (motion, last): (&Motion<'_, S>, bool),
         (time, x, u): (f64, &mut [f64], &S::Input),
         restitution: impl Fn(usize, f64, f64) -> f64,
         (problem, rest, work): (&mut Complementarity, &mut Rest, &mut Work<S::Memory>),
         still: &mut [bool],
         events: &mut Vec<Event>,
-    ) -> Result<(), ContactError<S::Error>> {
-        let mut blows = 0;
-        while blows <= BLOWS && self.collect(motion, x, blows == BLOWS) {
-            let of_blow = |law: usize, e: f64, speed: f64| match blows < BLOWS {
-                true => restitution(law, e, speed),
-                false => 0.0,
-            };
-            self.strike(
-                motion,
-                (time, &mut *x, u),
-                of_blow,
-                (&mut *problem, &mut *rest, &mut *work),
-                still,
-                events,
-            )?;
-            blows += 1;
-        }
-        Ok(())
-    }
-
-    /// One blow at the collected stops.
-    fn strike<S: ContactSystem>(
-        &mut self,
-        motion: &Motion<'_, S>,
-        (time, x, u): (f64, &mut [f64], &S::Input),
-        restitution: impl Fn(usize, f64, f64) -> f64,
-        (problem, rest, work): (&mut Complementarity, &mut Rest, &mut Work<S::Memory>),
-        still: &mut [bool],
-        events: &mut Vec<Event>,
-    ) -> Result<(), ContactError<S::Error>> {
+    ) -> Result<bool, ContactError<S::Error>> {
         let laws = motion.laws;
+        if !self.collect(motion, x, last) {
+            return Ok(false);
+        }
         // No law slides in an instant.
         let at_impact = Motion {
             contacts: &[],
@@ -152,7 +124,7 @@ impl Impact {
                 },
             });
         }
-        Ok(())
+        Ok(true)
     }
 
     /// The closed stops, those where bodies `part` only if asked, their w·v⁻ and, in `wanted`, their speeds of approach; whether anything approaches

@@ -21,7 +21,8 @@ use crate::{Rk4, Space};
 pub struct Limits {
     /// In the unit of w·v; by default 1e-9.
     pub least_rebound: f64,
-    /// After this many impacts of one law within one step it does not rebound until the step ends; by default 100.
+    /// After this many impacts of one law within one step it does not rebound until the step ends, and after this many blows within one
+    /// instant nothing does; by default 100.
     pub most_impacts: usize,
     /// A friction that has changed between sliding and rest this often within one step is held at rest until the step ends; by
     /// default 16.
@@ -341,24 +342,32 @@ impl<S: ContactSystem> EventStepper<S> {
             most_impacts,
             ..
         } = self.limits;
-        let changes = &self.changes;
-        let restitution = |law: usize, e: f64, speed: f64| {
-            let many = changes.get(law).is_some_and(|n| *n > most_impacts);
-            if many || e * speed < least_rebound {
-                0.0
-            } else {
-                e
+        let mut problem = std::mem::take(&mut self.mode.problem);
+        // A blow may make bodies approach that parted: then it is their turn.
+        let mut blows = 0;
+        let resolved = loop {
+            let (changes, last) = (&self.changes, blows == most_impacts);
+            let restitution = |law: usize, e: f64, speed: f64| {
+                let many = changes.get(law).is_some_and(|n| n + blows > most_impacts);
+                if last || many || e * speed < least_rebound {
+                    0.0
+                } else {
+                    e
+                }
+            };
+            let struck = self.impact.strike(
+                (&self.mode.motion(system, &self.laws), last),
+                (time, &mut *x, u),
+                restitution,
+                (&mut problem, &mut self.rest, &mut self.work),
+                &mut self.still,
+                &mut self.events,
+            );
+            match struck {
+                Ok(true) if !last => blows += 1,
+                ended => break ended,
             }
         };
-        let mut problem = std::mem::take(&mut self.mode.problem);
-        let resolved = self.impact.resolve(
-            &self.mode.motion(system, &self.laws),
-            (time, x, u),
-            restitution,
-            (&mut problem, &mut self.rest, &mut self.work),
-            &mut self.still,
-            &mut self.events,
-        );
         self.mode.problem = problem;
         resolved?;
         self.mode.find(

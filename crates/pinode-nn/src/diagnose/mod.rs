@@ -6,7 +6,7 @@
 //! 3. Locate: the force it lacks, by coordinate and signal. This explains; it does not decide.
 //! 4. Search: every candidate is screened from one linearisation; the best are refined by a fit; one is accepted
 //!    when it explains the windows better, pair by pair, both on those the fit saw and on those held out. Where none is, the same again beside
-//!    pushes that nobody measured.
+//!    pushes that nobody measured; then what explains little is asked whether it is sure.
 //! 5. Dry friction is fitted as sharp as the data see it: the known one with the null model, what is found at once and in the end; then names with fewer constants are asked for once more.
 //! 6. The new model is written, read back, and run free over held-out data. What does not shrink the gap there is not added.
 //! 7. What is left and no effect explains is taught to a small network on that coordinate, which is described and added where it explains windows that it

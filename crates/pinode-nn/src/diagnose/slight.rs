@@ -10,14 +10,12 @@ use super::numerics::sharp;
 use super::refine::{Contender, Standing, rank};
 use super::screen::asked;
 use super::step::{Step, leading};
-use super::study::{Comparison, Fitted, Study};
+use super::study::{Comparison, Fitted, SLIGHT, Study};
 
 /// One name in so many is sure by chance, of those with one probe; of those with several, one of whose probes the fit began with, as many fewer.
 const BY_CHANCE: f64 = 3e-4;
 /// The windows held out ask for it by so many standard errors at least.
 const ASKED: f64 = 1.0;
-/// Roll-outs that differ by so many times the noise differ by 0.01 nats a sample, half its square: the least gain of what is slight.
-const SEEN: f64 = 0.141;
 
 impl Step {
     /// Accepts the best of what explains little and is sure, where the step, made from `current`, has accepted nothing.
@@ -34,7 +32,7 @@ impl Step {
                 };
             }
         }
-        self.forgive_smoothing(study, current);
+        self.ask_sharper_friction(study, current);
         self.accepted = leading(study, current, &mut self.contenders);
         if self.accepted.is_none() {
             // Nobody has a say where nobody is sure.
@@ -46,14 +44,16 @@ impl Step {
         self
     }
 
-    /// A law of dry friction may do no more than friction that is as sharp as what is slight would show: then it has no say.
-    fn forgive_smoothing(&mut self, study: &Study, current: &Fitted) {
+    /// A law of dry friction that does no more than sharper friction of `current` has no say.
+    fn ask_sharper_friction(&mut self, study: &Study, current: &Fitted) {
         let rubs = |c: &Contender| c.added.iter().any(|c| c.kind.dry().is_some());
         let is_slight = |c: &Contender| c.standing == Standing::Slight && rubs(c);
         if !(study.may_sharpen && self.contenders.iter().any(is_slight)) {
             return;
         }
-        let Some((_, sharper)) = sharp(study, current, SEEN) else {
+        // Roll-outs that differ by so many times the noise differ by the least gain that counts, half the square of that.
+        let seen = (2.0 * SLIGHT.1).sqrt();
+        let Some((_, sharper)) = sharp(study, current, seen) else {
             return;
         };
         for contender in self.contenders.iter_mut().filter(|c| rubs(c)) {

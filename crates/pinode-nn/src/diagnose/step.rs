@@ -486,9 +486,9 @@ fn is_numerically_sound(study: &Study, current: &Fitted, contender: &Contender) 
 mod tests {
     #![allow(clippy::panic)]
 
-    use super::super::pushes::tests::prepared_with;
     use std::sync::OnceLock;
 
+    use super::super::pushes::tests::prepared_with;
     use super::super::refine::contender;
     use super::super::setup::Prepared;
     use super::super::shapes::Follows;

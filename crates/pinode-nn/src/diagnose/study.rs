@@ -174,7 +174,7 @@ const LEAST_GAIN: (f64, f64) = (0.05, 0.025);
 const LITTLE: f64 = 0.6;
 
 /// What is slight explains the seen windows by so many standard errors and so many nats a sample.
-const SLIGHT: (f64, f64) = (1.5, 0.01);
+pub const SLIGHT: (f64, f64) = (1.5, 0.01);
 /// … and those held out by this share of that at least.
 const BORNE_OUT: f64 = 0.1;
 /// Ahead by so many standard errors in the seen windows and in those held out it earns more constants.
