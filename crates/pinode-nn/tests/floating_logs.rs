@@ -300,7 +300,7 @@ fn a_network_beside_a_floating_body_learns_from_a_log_of_its_pose() {
     let path = dir.path().join("log.csv");
     std::fs::write(&path, log(Vector3::new(0.05, -0.1, 0.4))).unwrap();
     let out = dir.path().join("learnt");
-    let how = "--joint wheel --sees v.wheel --units 8 --epochs 150 --out";
+    let how = "--joint wheel --sees v.wheel --units 8 --epochs 80 --out";
     let how: Vec<&Path> = how.split(' ').map(Path::new).collect();
     let (trained, _) = pinode(&[&["train".as_ref(), &*model, &path][..], &how, &[&out]].concat());
     let loss = |key: &str| trained[key].as_f64().unwrap();
