@@ -3,9 +3,9 @@
 use crate::common::load::tree;
 use crate::common::random_tree::{RandomBody, body, urdf};
 use lagrange::equations::reference;
-use lagrange::mechanism::Tree;
+use lagrange::mechanism::{LinkForceEntry, LinkForceMemory, Tree};
 use lagrange::urdf::{Options, Urdf};
-use lagrange::{Dynamics, InverseDynamicsDerivatives, Lagrangian, Mechanics, state};
+use lagrange::{Dynamics, InverseDynamicsDerivatives, LANES, Lagrangian, Mechanics, state};
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, Vector3};
 use num_dual::Dual64;
 use proptest::collection::vec;
@@ -336,6 +336,59 @@ proptest! {
         let gravity = Vector3::from(tree.gravity());
         let potential = -tree.mass() * gravity.dot(&tree.centre_of_mass(q).unwrap());
         prop_assert!((potential - tree.potential(q)).abs() <= 1e-12 * tree.mass() * 10.0 * size * 10.0);
+    }
+
+    #[test]
+    fn what_is_fixed_in_a_link_pushes_by_its_jacobian_and_changes_with_the_position_as_duals_say(case in floating_case()) {
+        let Case { mechanics, q, .. } = &case;
+        let tree = mechanics.lagrangian();
+        let (nv, size) = (tree.nv(), 1.0 + q.iter().fold(0.0_f64, |m, x| m.max(x.abs())));
+        let (point, force, torque) = ([0.2, -0.1, 0.3], [0.7, -1.1, 0.4], [-0.5, 0.2, 0.9]);
+        let mut memory = LinkForceMemory::default();
+        for link in 0..tree.links().len() {
+            let Some(own) = tree.link_force(link, point, force, torque) else {
+                prop_assert!(tree.links()[link].body.is_none());
+                continue;
+            };
+            let turn = tree.link_pose(q, link).unwrap().rotation;
+            let [f, n] = [force, torque].map(|x| turn * Vector3::from(x));
+            let world = DVector::from_iterator(6, f.iter().chain(n.iter()).copied());
+            let expected = tree.link_jacobian(q, link, point).unwrap().tr_mul(&world);
+            let found = DVector::from_vec(own.generalized(q));
+            prop_assert!((&found - expected).amax() <= 1e-13 * size * size);
+            prop_assert!((0..nv).all(|i| own.moves(i) || found[i] == 0.0));
+
+            let (mut value, mut by_q) = (DVector::zeros(nv), DMatrix::<f64>::zeros(nv, nv));
+            own.each_derivative(q, &mut memory, |entry, part| match entry {
+                LinkForceEntry::Value(i) => value[i] += part,
+                LinkForceEntry::ByPosition(i, k) => by_q[(i, k)] += part,
+            });
+            prop_assert_eq!(&value, &found);
+            for k in 0..nv {
+                let mut direction = vec![0.0; nv];
+                direction[k] = 1.0;
+                let rates = state::position_rate(tree.coordinates(), q, &direction).unwrap();
+                let mut slope = vec![0.0_f64; nv];
+                own.each(&along(q, &rates), |i, part: Dual64| slope[i] += part.eps);
+                for i in 0..nv {
+                    prop_assert!((slope[i] - by_q[(i, k)]).abs() <= 1e-12 * size * size, "{i} {k}: {} {}", slope[i], by_q[(i, k)]);
+                }
+            }
+
+            // Seven states beside this one.
+            let eight: Vec<[f64; LANES]> = q.iter().map(|&q| std::array::from_fn(|lane| match lane {
+                3 => q,
+                _ => 0.1 * lane as f64,
+            })).collect();
+            let (mut lane, mut by_lane) = (DVector::zeros(nv), DMatrix::<f64>::zeros(nv, nv));
+            own.each_derivative_of_eight(&eight, &mut memory, |entry, part| match entry {
+                LinkForceEntry::Value(i) => lane[i] += part[3],
+                LinkForceEntry::ByPosition(i, k) => by_lane[(i, k)] += part[3],
+            });
+            prop_assert!((&lane - &value).amax() <= 1e-14 * size * size && (by_lane - &by_q).amax() <= 1e-14 * size * size);
+            own.each_of_eight(&eight, |i, part| lane[i] -= part[3]);
+            prop_assert!(lane.amax() == 0.0 || lane.amax() <= 1e-14 * size * size);
+        }
     }
 
     #[test]

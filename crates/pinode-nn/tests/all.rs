@@ -20,6 +20,7 @@ mod floating_logs;
 mod inertial;
 mod late_inputs;
 mod left_training;
+mod link_inputs;
 mod log_formats;
 mod model_files;
 #[path = "../../../tests/models.rs"]

@@ -153,7 +153,7 @@ fn check_says_what_a_pose_and_a_planar_joint_are_made_of() {
 fn a_planar_joint_is_driven_by_the_names_of_its_coordinates() {
     let model = "[[input]]\nname = 'push'\njoint = 'slide.y'\n[[effect]]\nkind = 'viscous_friction'\njoint = 'slide.theta'\ncoefficient = 0.5\n[sensor.'slide.x']\nzero = 0.1\n[tolerance.zero]\n'slide.y' = 0.02\n[log.columns]\n'q.slide.x' = 'puck_x'\n";
     let model = load(&folder(PUCK, model));
-    assert_eq!(model.inputs[0].coordinate, 1);
+    assert_eq!(model.inputs[0].coordinate(), Some(1));
     assert_eq!(model.target_name(model.effects[0].target), "slide.theta");
     assert!(model.target_is_angular(model.effects[0].target));
     assert_eq!((model.sensors.len(), model.sensors[0].zero), (4, 0.1));

@@ -120,17 +120,19 @@ fn initial(hybrid: &Hybrid) -> Vec<f64> {
     x
 }
 
-fn times_and_input() -> (Vec<f64>, Vec<Vec<f64>>) {
+/// As many inputs as `hybrid` has.
+fn times_and_inputs(hybrid: &Hybrid) -> (Vec<f64>, Vec<Vec<f64>>) {
     let t: Vec<f64> = (0..40).map(|k| 0.02 * f64::from(k)).collect();
-    let u = t
-        .iter()
-        .map(|t| 2.0 * (9.0 * t).sin() + (23.0 * t).cos())
-        .collect();
-    (t, vec![u])
+    let u = |i: usize| {
+        let of = |t: &f64| 2.0 * (9.0 * t + i as f64).sin() + (23.0 * t).cos();
+        t.iter().map(of).collect()
+    };
+    let u = (0..hybrid.inputs()).map(u).collect();
+    (t, u)
 }
 
 fn rolled(hybrid: &Hybrid, theta: &[f64], initial: &[f64]) -> Vec<f64> {
-    let (t, u) = times_and_input();
+    let (t, u) = times_and_inputs(hybrid);
     let inputs = hybrid.drive(&t, &u, SUBSTEPS, theta, &[]);
     let mut out = Trajectory::default();
     Roller::new(hybrid, &[])
@@ -144,6 +146,63 @@ fn sensitivities_of_a_roll_out_equal_differences() {
     for transmission in ["none", "elastic_transmission", "backlash"] {
         let hybrid = with_every_effect(transmission);
         equal_differences(&hybrid, &initial(&hybrid));
+    }
+}
+
+/// What pushes links turns with them: two fans, one of them late, with gains that are free as well.
+#[test]
+fn sensitivities_of_a_roll_out_under_inputs_that_turn_with_links_equal_differences() {
+    for (hybrid, x) in [hovercraft(), quadrotor("angles")] {
+        equal_differences(&hybrid, &x);
+    }
+}
+
+fn free_of(model: Model) -> Hybrid {
+    let mut hybrid = Hybrid::of(&model);
+    let delay = Placed {
+        kind: registry::find("input_delay").unwrap(),
+        target: 1,
+        smoothing: default_smoothing(false),
+        fixed: false,
+    };
+    hybrid.add(delay, &[0.0312]);
+    for constant in hybrid.constants_mut() {
+        constant.tolerance = f64::INFINITY;
+    }
+    hybrid
+}
+
+fn hovercraft() -> (Hybrid, Vec<f64>) {
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../models/hovercraft/hovercraft.toml"
+    );
+    let model = Model::load(Path::new(path)).unwrap();
+    (free_of(model), vec![0.3, -0.2, 0.7, 0.5, -0.4, 1.3])
+}
+
+/// With its pose as `quaternion` or `angles`.
+fn quadrotor(pose: &str) -> (Hybrid, Vec<f64>) {
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../models/quadrotor/quadrotor.toml"
+    );
+    let model = Model::load(Path::new(path)).unwrap();
+    let spin = [0.3, -0.1, 0.2, 0.4, -0.6, 0.8];
+    match pose {
+        "angles" => {
+            let model = model.by_angles(lagrange::mechanism::Axis::X).unwrap();
+            let x = [0.1, 0.2, -0.3, 0.5, -0.4, 0.6];
+            (free_of(model), [x, spin].concat())
+        }
+        _ => {
+            let hybrid = free_of(model);
+            let mechanics = hybrid.mechanics();
+            let moved = [0.1, 0.2, -0.3, 0.5, -0.4, 0.6];
+            let mut x = mechanics.integrate(&mechanics.neutral(), &moved).unwrap();
+            x.extend(spin);
+            (hybrid, x)
+        }
     }
 }
 
@@ -190,7 +249,7 @@ fn equal_differences(hybrid: &Hybrid, initial: &[f64]) {
     let theta = hybrid.theta();
     let free = hybrid.free();
     assert_eq!(free.len(), theta.len());
-    let (t, u) = times_and_input();
+    let (t, u) = times_and_inputs(hybrid);
     let inputs = hybrid.drive(&t, &u, SUBSTEPS, &theta, &free);
     let mut roller = Roller::new(hybrid, &free);
     let mut out = Trajectory::default();
@@ -267,7 +326,7 @@ fn a_delay_of_whole_steps_shifts_the_input_and_any_delay_keeps_its_impulse() {
         fixed: false,
     };
     hybrid.add(placed, &[0.0]);
-    let (t, mut u) = times_and_input();
+    let (t, mut u) = times_and_inputs(&hybrid);
     u[0][..2].fill(0.0);
     u[0][35..].fill(0.0);
     let forces = |seconds: f64| {
@@ -314,9 +373,14 @@ fn derivatives_of_the_hybrid_motion_agree_with_one_another_and_with_differences(
         let x = initial(&hybrid);
         (hybrid, x)
     });
-    for (hybrid, x) in cartpoles.into_iter().chain([quadruped()]) {
-        let (t, u) = times_and_input();
-        let u = if hybrid.inputs() == 0 { Vec::new() } else { u };
+    let others = [
+        quadruped(),
+        hovercraft(),
+        quadrotor("angles"),
+        quadrotor("quaternion"),
+    ];
+    for (hybrid, x) in cartpoles.into_iter().chain(others) {
+        let (t, u) = times_and_inputs(&hybrid);
         let (theta, free) = (hybrid.theta(), hybrid.free());
         let inputs = hybrid.drive(&t, &u, SUBSTEPS, &theta, &free);
         let motion = HybridMotion::new(&hybrid, &theta, &free, &inputs);

@@ -5,6 +5,7 @@ mod assemble;
 mod inertia;
 mod jacobian;
 mod joint;
+mod link_force;
 mod node;
 mod placement;
 mod poses;
@@ -18,6 +19,7 @@ pub use angles::{Angles, Axis, PoseForm};
 pub use inertia::{Inertia, Inertial};
 pub use jacobian::Poses;
 pub use joint::{Joint, JointKind, Limits, Mimic};
+pub use link_force::{LinkForce, LinkForceEntry, LinkForceMemory};
 pub use placement::Placement;
 pub use tree::{Body, Link, Tree};
 

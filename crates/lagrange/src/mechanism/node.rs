@@ -78,9 +78,12 @@ pub(super) struct Fall<D> {
 impl Node {
     /// Joint position from the coordinate.
     pub(super) fn position<D: Scalar>(&self, q: &[D]) -> D {
+        self.position_at(q[self.q])
+    }
+    pub(super) fn position_at<D: Scalar>(&self, coordinate: D) -> D {
         match self.follow {
-            None => q[self.q],
-            Some((ratio, offset)) => q[self.q] * ratio + offset,
+            None => coordinate,
+            Some((ratio, offset)) => coordinate * ratio + offset,
         }
     }
     /// Velocity of a joint that turns or slides.
@@ -97,12 +100,7 @@ impl Node {
 
     /// The position p of a free body, and the rotation that its quaternion stands for.
     pub(super) fn pose<D: Scalar>(&self, q: &[D]) -> ([D; 3], Turn<D>) {
-        let at = &q[self.q..self.q + 7];
-        let turn = Turn {
-            w: at[3],
-            u: [at[4], at[5], at[6]],
-        };
-        ([at[0], at[1], at[2]], turn)
+        pose_at(&q[self.q..])
     }
     /// The motion of a free body against its joint's frame.
     fn twist<D: Scalar>(&self, v: &[D]) -> Motion<D> {
@@ -354,6 +352,15 @@ impl Node {
     }
 }
 
+/// The position and the rotation that seven numbers stand for.
+pub(super) fn pose_at<D: Scalar>(at: &[D]) -> ([D; 3], Turn<D>) {
+    let turn = Turn {
+        w: at[3],
+        u: [at[4], at[5], at[6]],
+    };
+    ([at[0], at[1], at[2]], turn)
+}
+
 /// The rotation of a unit quaternion w + u: R x = x + 2 u × (u × x + w x). On a quaternion that is not of length 1 this is taken
 /// as it stands.
 #[derive(Clone, Copy)]
@@ -391,7 +398,7 @@ fn inner<D: Scalar>(a: &[D; 3], b: &[D; 3]) -> D {
 
 /// a × b.
 #[inline(always)]
-fn cross<D: Scalar + Mul<E, Output = D>, E: Copy>(a: &[D; 3], b: &[E; 3]) -> [D; 3] {
+pub(super) fn cross<D: Scalar + Mul<E, Output = D>, E: Copy>(a: &[D; 3], b: &[E; 3]) -> [D; 3] {
     [
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],

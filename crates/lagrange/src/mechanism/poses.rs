@@ -203,7 +203,7 @@ impl Node {
 }
 
 /// R x for a constant rotation R.
-fn rotate<D: Scalar>(rotation: &Rotation, x: &[D; 3]) -> [D; 3] {
+pub(super) fn rotate<D: Scalar>(rotation: &Rotation, x: &[D; 3]) -> [D; 3] {
     match rotation {
         None => *x,
         Some([a, b, c]) => [0, 1, 2].map(|k| x[0] * a[k] + x[1] * b[k] + x[2] * c[k]),

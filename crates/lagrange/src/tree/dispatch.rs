@@ -147,8 +147,8 @@ pub trait Kernel {
 /// Memory for one thread, and with it the instructions that its algorithms use.
 #[derive(Debug, Clone)]
 pub enum Machine {
-    /// AVX-512.
-    #[cfg(target_arch = "x86_64")]
+    /// AVX-512; see [`Processor`].
+    #[cfg(all(target_arch = "x86_64", not(debug_assertions)))]
     V4(pulp::x86::V4, Box<Memory<true>>),
     /// AVX2 and fused products.
     #[cfg(target_arch = "x86_64")]
@@ -176,7 +176,7 @@ impl<K: Kernel> pulp::NullaryFnOnce for Vectorized<'_, K> {
 impl Machine {
     pub fn new(plan: &Plan) -> Self {
         match Processor::here() {
-            #[cfg(target_arch = "x86_64")]
+            #[cfg(all(target_arch = "x86_64", not(debug_assertions)))]
             Processor::V4(v4) => Machine::V4(v4, Box::new(Memory::new(plan))),
             #[cfg(target_arch = "x86_64")]
             Processor::V3(v3) => Machine::V3(v3, Box::new(Memory::new(plan))),
@@ -187,8 +187,10 @@ impl Machine {
     /// Room for what only the derivatives of eight states need: the factor of M, and their right-hand sides.
     pub fn grow(&mut self, plan: &Plan) {
         match self {
+            #[cfg(all(target_arch = "x86_64", not(debug_assertions)))]
+            Machine::V4(_, memory) => memory.grow(plan),
             #[cfg(target_arch = "x86_64")]
-            Machine::V4(_, memory) | Machine::V3(_, memory) => memory.grow(plan),
+            Machine::V3(_, memory) => memory.grow(plan),
             Machine::Plain(memory) => memory.grow(plan),
         }
     }
@@ -200,7 +202,7 @@ impl Machine {
 
     pub fn run(&mut self, plan: &Plan, kernel: impl Kernel) {
         match self {
-            #[cfg(target_arch = "x86_64")]
+            #[cfg(all(target_arch = "x86_64", not(debug_assertions)))]
             Machine::V4(v4, memory) => v4.vectorize(Vectorized {
                 kernel,
                 plan,

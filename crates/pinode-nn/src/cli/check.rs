@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::output::Output;
 use crate::Error;
-use crate::model::{EffectEntry, Model, NetworkEntry, Target};
+use crate::model::{EffectEntry, Model, NetworkEntry, OnLink, Pushes};
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
@@ -161,8 +161,14 @@ fn document(model: &Model) -> Value {
         .inputs
         .iter()
         .map(|input| {
-            let target = Target::Coordinate(input.coordinate);
-            json!({ "name": input.name, "coordinate": model.target_name(target), "gain": input.gain })
+            let (name, gain) = (&input.name, input.gain);
+            let target = model.target_name(input.target());
+            match input.pushes {
+                Pushes::Coordinate(_) => json!({ "name": name, "coordinate": target, "gain": gain }),
+                Pushes::Link(OnLink { point, force, torque, .. }) => json!({
+                    "name": name, "link": target, "point": point, "force": force, "torque": torque, "gain": gain,
+                }),
+            }
         })
         .collect();
     let effects: Vec<Value> = model
@@ -323,13 +329,14 @@ fn text(model: &Model) -> String {
         let _ = writeln!(out, "\ninputs:");
     }
     for input in &model.inputs {
-        let unit = coordinates
-            .get(input.coordinate)
-            .map_or("", |c| c.force_unit());
-        let target = model.target_name(Target::Coordinate(input.coordinate));
+        let target = model.target_name(input.target());
+        let what = match input.pushes {
+            Pushes::Coordinate(c) => coordinates.get(c).map_or("", |c| c.force_unit()).to_owned(),
+            Pushes::Link(on) => format!("× ({on})"),
+        };
         let _ = writeln!(
             out,
-            "  {} on {target}, {} {unit} per unit",
+            "  {} on {target}, {} {what} per unit",
             input.name, input.gain
         );
     }

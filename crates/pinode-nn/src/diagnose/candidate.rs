@@ -35,12 +35,14 @@ const IN_THE_OPEN: [&str; 4] = [
 ];
 
 /// Whether a kind makes sense on this coordinate or on its sensor.
-fn has_a_place(kind: &Kind, hybrid: &Hybrid, coordinate: usize) -> bool {
+fn has_a_place(kind: &Kind, hybrid: &Hybrid, target: usize) -> bool {
     let coordinates = hybrid.mechanics().coordinates();
     match kind.acts_on() {
-        ActsOn::Joint if is_of_pose(coordinates, coordinate) => IN_THE_OPEN.contains(&kind.name),
+        ActsOn::Joint if is_of_pose(coordinates, target) => IN_THE_OPEN.contains(&kind.name),
         // A way that goes round has no ends.
-        ActsOn::Joint => kind.stop().is_none() || !goes_round(hybrid, coordinate),
+        ActsOn::Joint => kind.stop().is_none() || !goes_round(hybrid, target),
+        // What pushes a link has no joint that a transmission could drive.
+        ActsOn::Input => !kind.is_transmission() || !hybrid.is_on_link(target),
         _ => true,
     }
 }

@@ -146,7 +146,7 @@ impl<'a> Resort<'a> {
                 "No network was taught it: the model has one on `{name}` already."
             ));
         }
-        let quantities = self.quantities();
+        let quantities = self.quantities(&given.hybrid);
         let states = self.states(&given.hybrid, &given.inside.theta, &quantities);
         let force = self
             .beginning(&quantities, &states)
@@ -199,10 +199,10 @@ impl<'a> Resort<'a> {
     }
 
     /// What the network sees; angles that wrap by cosine and sine.
-    fn quantities(&self) -> Vec<Quantity> {
+    fn quantities(&self, hybrid: &Hybrid) -> Vec<Quantity> {
         let c = self.coordinate;
         let coordinates = self.model.mechanics.coordinates();
-        let own = |input: &usize| self.model.inputs[*input].coordinate == c;
+        let own = |input: &usize| hybrid.moves(*input, c);
         let inputs: Vec<usize> = (0..self.model.inputs.len()).filter(own).collect();
         let ago = |back: usize| -> Vec<Quantity> {
             let of = |&input: &usize| Quantity::Input { input, back };

@@ -45,7 +45,7 @@ pub fn scales(
                     n += 1.0;
                 }
             }
-            let own = (0..hybrid.inputs()).filter(|&i| hybrid.input_coordinates()[i] == c);
+            let own = (0..hybrid.inputs()).filter(|&i| hybrid.moves(i, c));
             let inputs = own.flat_map(|i| observations.runs.iter().flat_map(move |run| &run.u[i]));
             let (mut input, mut largest, mut count) = (0.0, 0.0_f64, 0.0);
             for u in inputs {

@@ -113,8 +113,7 @@ pub fn shapes(study: &Study, fitted: &Fitted) -> Vec<Shape> {
         );
         add(Follows::Position, places());
         add(Follows::PositionAndDirection, places());
-        let inputs = hybrid.input_coordinates().iter().enumerate();
-        for (input, _) in inputs.filter(|(_, on)| **on == c) {
+        for input in (0..hybrid.inputs()).filter(|&input| hybrid.moves(input, c)) {
             let runs = study.observations.runs.iter();
             let values = knots(runs.map(|run| run.u[input].as_slice()));
             add(

@@ -317,32 +317,38 @@ impl Study {
     /// One in `share` of the seen windows, or as many as make [`FEWEST_SOME`], none of those held out, and what a fitted model starts from there.
     pub fn some_windows(&self, fitted: &Fitted, share: usize) -> (Study, Fitted) {
         let share = share.min(self.windows.fit.len() / FEWEST_SOME).max(1);
-        fn some<T: Clone>(all: &[T], share: usize) -> Vec<T> {
-            all.iter().step_by(share).cloned().collect()
-        }
-        let mut study = self.clone();
-        study.windows.fit = some(&self.windows.fit, share);
-        study.windows.held_out.clear();
-        let mut fitted = Fitted {
-            left: OnceLock::new(),
-            errors: OnceLock::new(),
-            ..fitted.clone()
-        };
-        fitted.inside.states = some(&fitted.inside.states, share);
-        fitted.outside.states.clear();
-        (study, fitted)
+        let windows = self.windows.fit.iter().step_by(share).cloned();
+        let states = fitted.inside.states.iter().step_by(share).cloned();
+        self.over(fitted, windows.collect(), states.collect())
     }
 
     /// The windows held out as if they were the seen ones, and a fitted model there.
     pub fn of_held_out(&self, fitted: &Fitted) -> (Study, Fitted) {
-        let mut study = self.clone();
-        study.windows.fit = std::mem::take(&mut study.windows.held_out);
+        let states = fitted.outside.states.clone();
+        self.over(fitted, self.windows.held_out.clone(), states)
+    }
+
+    /// The same with these windows alone, none held out, and a fitted model that starts from `states` there.
+    fn over(
+        &self,
+        fitted: &Fitted,
+        windows: Vec<Window>,
+        states: Vec<Vec<f64>>,
+    ) -> (Study, Fitted) {
+        let study = Study {
+            windows: Windows {
+                fit: windows,
+                held_out: Vec::new(),
+            },
+            ..self.clone()
+        };
         let mut fitted = Fitted {
             left: OnceLock::new(),
             errors: OnceLock::new(),
             ..fitted.clone()
         };
-        fitted.inside.states = std::mem::take(&mut fitted.outside.states);
+        fitted.inside.states = states;
+        fitted.outside.states.clear();
         (study, fitted)
     }
 

@@ -1,5 +1,6 @@
 //! v̇ of the hybrid model, and its derivatives.
 
+use lagrange::mechanism::LinkForceMemory;
 use lagrange::{ForwardDynamicsDerivatives, ForwardDynamicsGradient, Workspace};
 use nalgebra::{DMatrix, DVector};
 
@@ -44,6 +45,7 @@ impl Hybrid {
             gradient: ForwardDynamicsGradient::zeros(n, self.mechanics_range().len()),
             momenta: Momenta::new(n),
             networks: self.network_memory(),
+            links: LinkForceMemory::default(),
         }
     }
 
@@ -191,7 +193,8 @@ impl Hybrid {
             }
         };
         self.each_part(at, &memory.driven, rooms, &mut enter);
-        self.network_parts(inputs, step, &mut memory.networks, enter);
+        self.network_parts(inputs, step, &mut memory.networks, &mut enter);
+        self.link_parts(state.q, inputs, step, &mut memory.links, enter);
         // ∂v̇/∂p = −M⁻¹ ∂ID/∂p.
         if let (Some(added), Some(room)) = (&self.extra, &memory.extra) {
             for (&index, by_slot) in added.parameters.iter().zip(room.by_slot.column_iter()) {
@@ -288,7 +291,8 @@ impl Hybrid {
             }
         };
         self.each_part(at, &memory.driven, rooms, &mut enter);
-        self.network_parts(inputs, step, &mut memory.networks, enter);
+        self.network_parts(inputs, step, &mut memory.networks, &mut enter);
+        self.link_parts(state.q, inputs, step, &mut memory.links, enter);
         for (to, by) in [(by_q, &by.by_q), (by_v, &by.by_v)] {
             for (to, by) in to.iter_mut().zip(by.iter()) {
                 *to += by;
@@ -326,4 +330,5 @@ pub struct Memory {
     gradient: ForwardDynamicsGradient,
     pub(super) momenta: Momenta,
     pub(super) networks: NetworkMemory,
+    links: LinkForceMemory,
 }

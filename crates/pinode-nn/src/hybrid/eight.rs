@@ -1,5 +1,6 @@
 //! v̇ and ḣ of eight states at once, with their derivatives.
 
+use lagrange::mechanism::LinkForceMemory;
 use lagrange::{Error, ForwardDynamicsDerivatives, LANES, Workspace};
 use pulp::{Arch, NullaryFnOnce};
 
@@ -22,6 +23,21 @@ pub(crate) struct Eight<'a> {
     pub steps: [usize; LANES],
 }
 
+impl Eight<'_> {
+    /// The force of an input.
+    pub(super) fn signal(&self, input: usize) -> Lane {
+        std::array::from_fn(|lane| self.inputs[lane].forces[input].value[self.steps[lane]])
+    }
+
+    /// Its derivative in the `k`th constant that it depends on.
+    pub(super) fn derivative(&self, input: usize, k: usize) -> Lane {
+        std::array::from_fn(|lane| {
+            let of_lane = &self.inputs[lane].forces[input].by_parameter;
+            of_lane.get(k).map_or(0.0, |(_, d)| d[self.steps[lane]])
+        })
+    }
+}
+
 /// Memory of one thread for one set of free constants.
 pub(crate) struct EightMemory {
     work: Workspace,
@@ -32,6 +48,7 @@ pub(crate) struct EightMemory {
     /// A force that the caller adds to Q, nv entries; its own derivatives are the caller's.
     pub added: Vec<Lane>,
     networks: NetworkMemory,
+    links: LinkForceMemory,
     with_memory: Box<MemoryDerivatives<Lane>>,
     /// For every entry of θ its column among (q, v, h, θ_free).
     columns: Vec<Option<usize>>,
@@ -74,6 +91,7 @@ impl Hybrid {
             driven: zeros(n),
             added: zeros(n),
             networks: self.network_memory(),
+            links: LinkForceMemory::default(),
             with_memory: Box::default(),
             columns: (0..self.constants.len()).map(place).collect(),
             force: zeros(n),
@@ -106,6 +124,7 @@ impl Hybrid {
             driven,
             added,
             networks,
+            links,
             with_memory,
             columns,
             force,
@@ -127,7 +146,7 @@ impl Hybrid {
             }
         });
         sums(force, driven, added);
-        self.network_parts_of_eight(x, theta, at, networks, |v, by, part| {
+        let mut enter = |v: usize, by, part: &Lane| {
             let column = match by {
                 By::Value => return add(&mut force[v], part),
                 By::Position(i) => Some(i),
@@ -138,7 +157,9 @@ impl Hybrid {
             if let Some(column) = column {
                 add(&mut forces[column * n + v], part);
             }
-        });
+        };
+        self.network_parts_of_eight(x, theta, at, networks, &mut enter);
+        self.link_parts_of_eight(&x[..nq], at, links, enter);
         for (index, effect) in self.effects.iter().enumerate() {
             if let Action::Joint(law) = effect.kind.action {
                 let range = self.ranges[index].clone();
@@ -263,6 +284,7 @@ impl Hybrid {
         let (force, hidden) = rates.split_at_mut(n);
         sums(force, driven, added);
         self.add_networks_of_eight(x, theta, at, networks, force);
+        self.add_link_forces_of_eight(&x[..nq], at, force);
         hidden.fill([0.0; LANES]);
         for (index, effect) in self.effects.iter().enumerate() {
             let p = &theta[self.ranges[index].clone()];
@@ -351,12 +373,11 @@ impl Hybrid {
     ) -> (Start, Seen<'a, Lane>) {
         let Placed { kind, target, .. } = self.effects[index];
         let start = self.starts[self.coordinate_of(kind, target)];
-        let of_input = |lane: usize| at.inputs[lane].forces[target].value[at.steps[lane]];
         let seen = Seen {
             q: x[start.q],
             v: x[self.nq() + start.v],
             f: match kind.is_transmission() {
-                true => std::array::from_fn(of_input),
+                true => at.signal(target),
                 false => driven[start.v],
             },
             h: &x[self.nq() + self.nv()..][self.state_ranges[index].clone()],

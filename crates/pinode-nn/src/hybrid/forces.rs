@@ -37,15 +37,19 @@ pub(super) enum By {
 pub(super) type At<'a> = (State<'a>, &'a [f64], &'a DrivenInputs, usize);
 
 impl Hybrid {
+    /// Whether an input acts on its joint itself.
+    fn is_direct(&self, input: usize) -> bool {
+        !self.carried[input] && !self.is_on_link(input)
+    }
+
     /// The inputs that act on their joints themselves, with the entry of v that each acts on.
     pub(super) fn direct<'a>(
         &'a self,
         inputs: &'a DrivenInputs,
     ) -> impl Iterator<Item = (&'a Signal, usize)> {
-        let own = self.input_coordinates.iter().zip(&self.carried);
-        let all = inputs.forces.iter().zip(own);
-        all.filter(|(_, (_, carried))| !**carried)
-            .map(|(signal, (coordinate, _))| (signal, self.starts[*coordinate].v))
+        let all = inputs.forces.iter().enumerate();
+        all.filter(|(input, _)| self.is_direct(*input))
+            .map(|(input, signal)| (signal, self.starts[self.input_coordinates[input]].v))
     }
 
     /// Forces of the inputs that act on their joints themselves, into `driven`.
@@ -94,6 +98,7 @@ impl Hybrid {
         acceleration.copy_from(driven);
         let at = (inputs, step);
         self.add_networks(state, theta, at, networks, acceleration.as_mut_slice());
+        self.add_link_forces(state.q, inputs, step, acceleration.as_mut_slice());
         for (index, effect) in self.effects.iter().enumerate() {
             let p = &theta[self.ranges[index].clone()];
             let smoothing = effect.smoothing;
@@ -188,7 +193,7 @@ impl Hybrid {
             .enumerate()
             .filter(move |&(input, _)| match transmission {
                 true => input == target,
-                false => self.input_coordinates[input] == target && !self.carried[input],
+                false => self.input_coordinates[input] == target && self.is_direct(input),
             })
             .map(|(_, signal)| signal)
     }

@@ -2,7 +2,7 @@
 //!
 //! M(q) v̇ = Σ_i B_i g_i ū_i + Σ_e Q_e(q, v, f, h; p_e) − C(q, v) v − G(q),  ḣ = Σ_e rate_e(q, v, f, h; p_e)
 //!
-//! To Q come the networks of the model, as functions of (q, v, f). ū_i is input i after the drive effects on it, g_i its gain, B_i picks its coordinate, f = g ū; Q_e are the effects that are forces, h
+//! To Q come the networks of the model, as functions of (q, v, f). ū_i is input i after the drive effects on it, g_i its gain, B_i picks its coordinate, or is the b(q) of a link that it pushes ([`LinkForce`]), f = g ū; Q_e are the effects that are forces, h
 //! the states of those with a memory. A state of the model is x = (q, v, h), h effect after effect.
 //! M, C and G are those of the mechanics and of the effects that change it, see [`Inertial`].
 //! What can be estimated is one vector θ of [`Constant`]s: the constants of the mechanics, the input gains, the zeros of the
@@ -17,19 +17,20 @@ mod hidden;
 mod jumps;
 mod motion;
 mod networks;
+mod on_links;
 mod reading;
 
 use std::ops::Range;
 use std::sync::Arc;
 
 use integrators::{Flat, PhaseSpace, Product, Space};
-use lagrange::mechanism::Link;
+use lagrange::mechanism::{Link, LinkForce, Tree};
 use lagrange::{LANES, Mechanics, Role};
 
 use crate::effect::{Action, ActsOn, Between, Grid, Inertial, Kind, Signal, default_smoothing};
 use crate::entries::{Start, starts};
 use crate::learnt::{LearntForce, Quantity};
-use crate::model::{Model, Target};
+use crate::model::{Input, Model, Pushes, Target};
 use crate::motion::Positions;
 
 pub use contacts::{HybridContacts, Touch};
@@ -119,8 +120,10 @@ pub struct Hybrid {
     starts: Vec<Start>,
     /// Where the states (q, v, h) live.
     space: Product<PhaseSpace<Positions>, Flat>,
-    /// The coordinate each input acts on.
+    /// The coordinate each input acts on; of one that pushes a link, that of the link's joint.
     input_coordinates: Vec<usize>,
+    /// What the inputs that push links do per unit.
+    link_forces: Vec<Option<Arc<LinkForce>>>,
     /// What each input does between two samples of a log.
     between: Vec<Between>,
     effects: Vec<Placed>,
@@ -208,8 +211,18 @@ impl Hybrid {
                 tolerance: tolerance.zero[c].unwrap_or(two_quanta),
             });
         }
-        let coordinates = model.inputs.iter().map(|input| input.coordinate).collect();
+        let tree = model.tree.as_ref();
+        let coordinate = |input: &Input| match input.pushes {
+            Pushes::Coordinate(c) => c,
+            Pushes::Link(on) => tree.and_then(|tree| carrier(tree, on.link)).unwrap_or(0),
+        };
+        let coordinates = model.inputs.iter().map(coordinate).collect();
         let mut hybrid = Hybrid::new(mechanics, coordinates, constants);
+        let law = |input: &Input| match input.pushes {
+            Pushes::Coordinate(_) => None,
+            Pushes::Link(on) => tree?.link_force(on.link, on.point, on.force, on.torque),
+        };
+        hybrid.link_forces = model.inputs.iter().map(|i| law(i).map(Arc::new)).collect();
         hybrid.between = model.inputs.iter().map(|input| input.between).collect();
         hybrid.variants = model.tree.clone().map(|tree| Arc::new(Variants::new(tree)));
         for entry in &model.effects {
@@ -352,6 +365,7 @@ impl Hybrid {
             networks: Vec::new(),
             open: Vec::new(),
             between: vec![Between::Held; input_coordinates.len()],
+            link_forces: vec![None; input_coordinates.len()],
             input_coordinates,
             effects: Vec::new(),
             ranges: Vec::new(),
@@ -466,10 +480,12 @@ impl Hybrid {
         .collect()
     }
 
-    /// Inputs of these coordinates do not act by themselves any more, but through a network alone; effects of the model do.
+    /// Inputs that move these coordinates and no others do not act by themselves any more, but through a network alone; effects of the model do.
     pub(crate) fn leave_to_network(&mut self, coordinates: &[usize]) {
-        for (carried, own) in self.carried.iter_mut().zip(&self.input_coordinates) {
-            *carried |= coordinates.contains(own);
+        for input in 0..self.inputs() {
+            let moves_another =
+                (0..self.starts.len()).any(|c| self.moves(input, c) && !coordinates.contains(&c));
+            self.carried[input] |= !moves_another;
         }
     }
 
@@ -580,7 +596,10 @@ impl Hybrid {
         match kind.acts_on() {
             ActsOn::Joint | ActsOn::Sensor => target,
             ActsOn::Input => self.input_coordinates[target],
-            ActsOn::Link => self.carrier(target).unwrap_or(0),
+            ActsOn::Link => {
+                let tree = self.variants.as_ref().map(|v| v.tree());
+                tree.and_then(|tree| carrier(tree, target)).unwrap_or(0)
+            }
         }
     }
 
@@ -602,17 +621,6 @@ impl Hybrid {
     /// The links of a mechanism that is made of rigid bodies; none of another one.
     pub fn links(&self) -> &[Link] {
         self.variants.as_ref().map_or(&[], |v| v.tree().links())
-    }
-
-    /// The coordinate that moves the body of a link.
-    fn carrier(&self, link: usize) -> Option<usize> {
-        let tree = self.variants.as_ref()?.tree();
-        let body = tree.bodies().get(tree.links().get(link)?.body?)?;
-        match body.joint {
-            Some(joint) => tree.joints().get(joint)?.coordinate,
-            // A base that floats comes first.
-            None => Some(0),
-        }
     }
 
     /// The mass of the body that link `link` belongs to, kg, where this is the first link of a body that has mass.
@@ -646,7 +654,7 @@ impl Hybrid {
         self.input_coordinates.len()
     }
 
-    /// The coordinate each input acts on.
+    /// The coordinate each input acts on; of one that pushes a link, that of the link's joint.
     pub fn input_coordinates(&self) -> &[usize] {
         &self.input_coordinates
     }
@@ -776,5 +784,15 @@ impl Hybrid {
             signal.by_parameter.push((index, signal.value.clone()));
         }
         signal.value.iter_mut().for_each(|u| *u *= gain);
+    }
+}
+
+/// The coordinate that moves the body of a link.
+fn carrier(tree: &Tree, link: usize) -> Option<usize> {
+    let body = tree.bodies().get(tree.links().get(link)?.body?)?;
+    match body.joint {
+        Some(joint) => tree.joints().get(joint)?.coordinate,
+        // A base that floats comes first.
+        None => Some(0),
     }
 }

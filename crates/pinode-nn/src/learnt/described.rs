@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::{Output, Quantity};
-use crate::model::Model;
+use crate::model::{Input, Model, Target};
 
 /// A number that goes into a learnt force or comes out of it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -36,17 +36,22 @@ impl Described {
             Quantity::Sine(c) => ("1".to_owned(), format!("sine of the angle of {}", of(c).0)),
             Quantity::Velocity(c) => (format!("{}/s", of(c).1), format!("velocity of {}", of(c).0)),
             Quantity::Input { input, back } => {
-                let acts_on = model.inputs.get(input).map_or(usize::MAX, |i| i.coordinate);
-                let (joint, _, unit) = of(acts_on);
+                let own = model.inputs.get(input);
+                let target = own.map_or(Target::Coordinate(usize::MAX), Input::target);
+                let (on, unit) = match target {
+                    Target::Coordinate(c) => (of(c).0, of(c).2),
+                    // Of the force and the torque that it has on the link.
+                    _ => (model.target_name(target), "1"),
+                };
                 let name = inputs.get(input).copied().unwrap_or_default();
-                let gain = model.inputs.get(input).map_or(1.0, |i| i.gain);
+                let gain = own.map_or(1.0, |i| i.gain);
                 let when = match back {
                     0 => String::new(),
                     1 => ", one sample of the log ago".to_owned(),
                     back => format!(", {back} samples of the log ago"),
                 };
                 let meaning = format!(
-                    "force of the input {name} on {joint}: its gain of {gain} {unit} per unit times what its drive lets through{when}"
+                    "force of the input {name} on {on}: its gain of {gain} {unit} per unit times what its drive lets through{when}"
                 );
                 (unit.to_owned(), meaning)
             }

@@ -7,7 +7,7 @@ use lagrange::constraint::{Constrained, Constraint, LinkPoint, Loop, LoopField, 
 use lagrange::mechanism::Tree;
 use lagrange::{Mechanics, Position, Problem, Problems};
 
-use super::document::{Faults, Section, number};
+use super::document::{Faults, Section};
 use crate::naming::{hint, quoted};
 
 const COMPONENTS: [&str; 3] = ["x", "y", "z"];
@@ -217,24 +217,7 @@ fn point(table: &Section, key: &str, faults: &mut Faults) -> Option<LinkPoint> {
     let link = place.needed_string("link", faults);
     let point = match place.get("point") {
         None => Some([0.0; 3]),
-        Some(value) => {
-            let list = place.array("point", faults)?;
-            let numbers: Vec<f64> = list
-                .iter()
-                .filter_map(|value| number("point", value, faults))
-                .map(|placed| placed.value)
-                .collect();
-            if list.len() != 3 {
-                faults.at(
-                    value.span().start,
-                    format!(
-                        "`point` has {} entries: it must be [x, y, z] in m in the link's frame",
-                        list.len()
-                    ),
-                );
-            }
-            <[f64; 3]>::try_from(numbers).ok()
-        }
+        Some(_) => place.triple("point", "in m in the link's frame", faults),
     };
     Some(LinkPoint {
         link: link?.value.to_owned(),

@@ -157,6 +157,27 @@ impl<'a> Section<'a> {
         }
     }
 
+    /// Three numbers; `meaning` is what stands behind [x, y, z] in messages.
+    pub fn triple(&self, key: &str, meaning: &str, faults: &mut Faults) -> Option<[f64; 3]> {
+        let list = self.array(key, faults)?;
+        let numbers: Vec<f64> = list
+            .iter()
+            .filter_map(|value| number(key, value, faults))
+            .map(|placed| placed.value)
+            .collect();
+        if list.len() != 3 {
+            let offset = self.get(key).map_or(0, |value| value.span().start);
+            faults.at(
+                offset,
+                format!(
+                    "`{key}` has {} entries: it must be [x, y, z] {meaning}",
+                    list.len()
+                ),
+            );
+        }
+        <[f64; 3]>::try_from(numbers).ok()
+    }
+
     /// An array of strings.
     pub fn strings(&self, key: &str, faults: &mut Faults) -> Option<Vec<Placed<&'a str>>> {
         let list = self.array(key, faults)?;

@@ -4,11 +4,11 @@ use lagrange::{Mechanics, Position, Problem};
 use nalgebra::DMatrix;
 use toml::de::DeValue;
 
-use super::document::{Faults, Placed, Section};
-use super::mechanism::{JointFriction, Mechanism, find_coordinate};
+use super::document::{Faults, Section};
+use super::mechanism::{JointFriction, Mechanism, find_coordinate, find_link};
 use super::networks;
 use super::{EffectEntry, Input, Target};
-use crate::effect::{Action, ActsOn, Inertial, Kind, Misplaced, RigidStop, moved, registry};
+use crate::effect::{Action, ActsOn, Kind, Misplaced, RigidStop, moved, registry};
 use crate::entries::starts;
 use crate::naming::{hint, nearest, quoted};
 
@@ -125,7 +125,15 @@ fn read_one(
         ActsOn::Joint | ActsOn::Sensor => {
             find_coordinate(mechanism?, name.value, name.offset(), faults).map(Target::Coordinate)
         }
-        ActsOn::Link => find_link(kind.inertial()?, mechanism?, &name, faults).map(Target::Link),
+        ActsOn::Link => match &mechanism?.tree {
+            Some(tree) => find_link(tree, &name, faults).map(Target::Link),
+            None => {
+                let change = kind.inertial()?;
+                let fault = Misplaced::NoBodies { change };
+                faults.at(name.offset(), fault.to_string());
+                None
+            }
+        },
         ActsOn::Input => {
             let index = inputs.iter().position(|input| input.name == name.value);
             if index.is_none() {
@@ -139,12 +147,25 @@ fn read_one(
                     ),
                 );
             }
+            let on_link = |i: &usize| inputs.get(*i).is_some_and(|i| i.coordinate().is_none());
+            if kind.is_transmission() && index.as_ref().is_some_and(on_link) {
+                faults.at(
+                    name.offset(),
+                    format!(
+                        "{} stands between a motor and a joint, and the input {} pushes a link",
+                        kind.name,
+                        quoted(name.value)
+                    ),
+                );
+            }
             index.map(Target::Input)
         }
     });
     let coordinate = match target {
         Some(Target::Coordinate(i)) => Some(i),
-        Some(Target::Input(i)) if kind.memory().is_some() => inputs.get(i).map(|i| i.coordinate),
+        Some(Target::Input(i)) if kind.memory().is_some() => {
+            inputs.get(i).and_then(Input::coordinate)
+        }
         _ => None,
     };
     let angular = coordinate
@@ -293,34 +314,6 @@ fn taken_fault(
             quoted(&coordinate.name),
         )
     })
-}
-
-/// The link called `name`, for an effect that does `change`.
-fn find_link(
-    change: Inertial,
-    mechanism: &Mechanism,
-    name: &Placed<&str>,
-    faults: &mut Faults,
-) -> Option<usize> {
-    let Some(tree) = &mechanism.tree else {
-        let fault = Misplaced::NoBodies { change };
-        faults.at(name.offset(), fault.to_string());
-        return None;
-    };
-    let links = tree.links();
-    let index = links.iter().position(|link| link.name == name.value);
-    if index.is_none() {
-        let names: Vec<&str> = links.iter().map(|link| link.name.as_str()).collect();
-        faults.at(
-            name.offset(),
-            format!(
-                "unknown link {}{}",
-                quoted(name.value),
-                hint(name.value, "links", &names)
-            ),
-        );
-    }
-    index
 }
 
 /// What no stops can be.

@@ -9,11 +9,10 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::document::{Faults, Section, mismatch};
-use super::mechanism::{self, Mechanism, find_coordinate};
+use super::mechanism;
 use super::networks::NetworkEntry;
-use super::{Input, Model, band, effects, massless, networks, sensor, tolerance};
+use super::{Input, Model, band, effects, inputs, massless, networks, sensor, tolerance};
 use crate::Error;
-use crate::effect::Between;
 use crate::entries::{q_names, v_names};
 use crate::log::{ColumnMap, Mapping};
 use crate::naming::{hint, quoted};
@@ -104,7 +103,7 @@ pub(super) fn parse(path: &Path, text: String, strict: bool) -> Result<Model, Er
         &mut warnings,
     );
     let mechanics = mechanism.as_ref().map(|m| m.mechanics.as_ref());
-    let inputs = inputs(&root, mechanism.as_ref(), &mut faults);
+    let inputs = inputs::read(&root, mechanism.as_ref(), &mut faults);
     let named: Vec<Input> = inputs.iter().map(|(input, _)| input.clone()).collect();
     let mut entries = effects::read(&root, mechanism.as_ref(), &named, &mut faults);
     let networks = networks::read(&root, path, mechanism.as_ref(), &named, &mut faults);
@@ -184,69 +183,6 @@ fn together(source: String, text: &str, faults: Faults, foreign: Vec<Problems>) 
         list.push(Problem::general("the mechanism cannot be read"));
     }
     Problems { source, list }
-}
-
-/// The `[[input]]` tables with their byte offsets; a faulty one keeps its name, so that who refers to it is not blamed.
-fn inputs(
-    root: &Section,
-    mechanism: Option<&Mechanism>,
-    faults: &mut Faults,
-) -> Vec<(Input, usize)> {
-    let mut inputs: Vec<(Input, usize)> = Vec::new();
-    for table in root.sections("input", faults) {
-        table.check_keys(&["name", "joint", "gain", "between_samples"], faults);
-        let name = table.needed_string("name", faults);
-        let coordinate = table
-            .needed_string("joint", faults)
-            .and_then(|joint| find_coordinate(mechanism?, joint.value, joint.offset(), faults));
-        let gain = table.number_that("gain", "different from 0", |x| x != 0.0, faults);
-        let between = between_samples(&table, faults);
-        let Some(name) = name else {
-            continue;
-        };
-        let unfit = |c: char| c.is_control() || matches!(c, ',' | '"');
-        if name.value.is_empty() || name.value.trim() != name.value || name.value.contains(unfit) {
-            faults.at(
-                name.offset(),
-                format!(
-                    "the input's name {} cannot head the column u.<name> of a log: no blanks around it, no comma, quote or control character",
-                    quoted(name.value)
-                ),
-            );
-        }
-        if inputs.iter().any(|(other, _)| other.name == name.value) {
-            faults.at(
-                name.offset(),
-                format!("two inputs are called {}: rename one", quoted(name.value)),
-            );
-        }
-        inputs.push((
-            Input {
-                name: name.value.to_owned(),
-                coordinate: coordinate.unwrap_or(0),
-                gain: gain.unwrap_or(1.0),
-                between,
-            },
-            table.offset,
-        ));
-    }
-    inputs
-}
-
-/// What an `[[input]]` does between two samples.
-fn between_samples(table: &Section, faults: &mut Faults) -> Between {
-    let Some(word) = table.string("between_samples", faults) else {
-        return Between::default();
-    };
-    let known = Between::ALL.into_iter().find(|b| b.name() == word.value);
-    known.unwrap_or_else(|| {
-        let fault = format!(
-            "`between_samples` is {}: it must be \"held\" or \"smooth\"",
-            quoted(word.value)
-        );
-        faults.at(word.offset(), fault);
-        Between::default()
-    })
 }
 
 /// The `[log.columns]` table.

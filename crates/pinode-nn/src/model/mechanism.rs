@@ -86,7 +86,7 @@ fn from_urdf(
     foreign: &mut Vec<Problems>,
     warnings: &mut Vec<Problems>,
 ) -> Option<Mechanism> {
-    let gravity = gravity(root, faults);
+    let gravity = root.triple("gravity", "in m/s², such as [0.0, 0.0, -9.81]", faults);
     let floating_base = match root.string("base", faults) {
         None => false,
         Some(base) => {
@@ -233,26 +233,6 @@ fn pose_form(root: &Section, faults: &mut Faults) -> PoseForm {
         true => PoseForm::Angles(Angles { roll_axis }),
         false => PoseForm::Quaternion,
     }
-}
-
-fn gravity(root: &Section, faults: &mut Faults) -> Option<[f64; 3]> {
-    let list = root.array("gravity", faults)?;
-    let numbers: Vec<f64> = list
-        .iter()
-        .filter_map(|value| number("gravity", value, faults))
-        .map(|placed| placed.value)
-        .collect();
-    if list.len() != 3 {
-        let offset = root.get("gravity").map_or(0, |value| value.span().start);
-        faults.at(
-            offset,
-            format!(
-                "`gravity` has {} entries: it must be [x, y, z] in m/s², such as [0.0, 0.0, -9.81]",
-                list.len()
-            ),
-        );
-    }
-    <[f64; 3]>::try_from(numbers).ok()
 }
 
 fn read_urdf(given: &Placed<&str>, source: &Path, faults: &mut Faults) -> Option<UrdfFile> {
@@ -514,6 +494,24 @@ fn within(text: &str, formula: &Placed<&str>, column: Option<usize>) -> usize {
     start + inside + ahead
 }
 
+/// The link called `name`.
+pub(super) fn find_link(tree: &Tree, name: &Placed<&str>, faults: &mut Faults) -> Option<usize> {
+    let links = tree.links();
+    let index = links.iter().position(|link| link.name == name.value);
+    if index.is_none() {
+        let names: Vec<&str> = links.iter().map(|link| link.name.as_str()).collect();
+        faults.at(
+            name.offset(),
+            format!(
+                "unknown link {}{}",
+                quoted(name.value),
+                hint(name.value, "links", &names)
+            ),
+        );
+    }
+    index
+}
+
 /// The coordinate of one number called `name`; a joint with one coordinate gives it its name.
 pub(super) fn find_coordinate(
     mechanism: &Mechanism,
@@ -537,7 +535,7 @@ pub(super) fn find_coordinate(
                 offset,
                 format!(
                     "{} is the pose of a body that floats, which has three forces and three moments, a position and an orientation: \
-                     inputs, effects, sensors and tolerances belong to coordinates of one number; {others}, or write `pose = \"angles\"` for six of them",
+                     inputs, effects, sensors and tolerances belong to coordinates of one number; {others}, or write `pose = \"angles\"` for six of them; an input may push a `link` instead",
                     quoted(name)
                 ),
             );

@@ -20,6 +20,14 @@
 //! gain  = 0.1                          # N·m per unit of u
 //! # between_samples = "held"           # until the next sample, as it was put out; or "smooth", as it was measured
 //!
+//! # [[input]]                          # with a URDF: a force and a torque that turn with a link, as those of a propeller
+//! # name   = "rotor"
+//! # link   = "hull"
+//! # point  = [0.2, 0.0, 0.0]           # where the force acts, m in the link's frame; its origin unless given
+//! # force  = [0.0, 0.0, 1.0]           # in the link's axes: N at gain · u = 1
+//! # torque = [0.0, 0.0, 0.016]         # N·m at gain · u = 1
+//! # gain   = 5.0
+//!
 //! [[effect]]
 //! kind  = "viscous_friction"
 //! joint = "phi"
@@ -88,6 +96,7 @@ mod constraints;
 mod document;
 mod effects;
 mod file;
+mod inputs;
 mod massless;
 mod mechanism;
 mod networks;
@@ -103,6 +112,7 @@ use lagrange::mechanism::{Axis, PoseForm, Tree};
 use lagrange::{Mechanics, Problem, Problems};
 
 pub use constraints::ConstraintEntry;
+pub use inputs::{Input, OnLink, Pushes};
 pub use networks::NetworkEntry;
 pub use sensor::{Sensor, Velocity};
 pub use tolerance::Tolerance;
@@ -110,7 +120,7 @@ pub use write::{NewNetwork, Revision};
 
 use crate::Error;
 use crate::band::Band;
-use crate::effect::{Between, Kind};
+use crate::effect::Kind;
 use crate::log::ColumnMap;
 
 /// A model: M(q) v̇ + C(q, v) v + G(q) = Σ gain · u + Σ effects, and what is known of sensors and tolerances.
@@ -147,19 +157,6 @@ pub struct Model {
     pub(crate) pose: PoseForm,
     urdf: Option<mechanism::UrdfFile>,
     text: String,
-}
-
-/// An actuator: the generalized force gain · u on one coordinate.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Input {
-    /// Name; column `u.<name>` of a log.
-    pub name: String,
-    /// Index of the coordinate that it acts on, a single number and no pose.
-    pub coordinate: usize,
-    /// N or N·m per unit of u.
-    pub gain: f64,
-    /// What it does between two samples of a log.
-    pub between: Between,
 }
 
 /// One effect with its numbers.
@@ -291,7 +288,7 @@ impl Model {
     pub fn target_is_angular(&self, target: Target) -> bool {
         let coordinate = match target {
             Target::Coordinate(i) => Some(i),
-            Target::Input(i) => self.inputs.get(i).map(|input| input.coordinate),
+            Target::Input(i) => self.inputs.get(i).and_then(Input::coordinate),
             Target::Link(_) => None,
         };
         coordinate

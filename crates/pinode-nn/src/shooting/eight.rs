@@ -339,8 +339,13 @@ mod tests {
 
     /// The cart-pole with its known friction and more effects: kind, target and parameters of each.
     fn cart_pole_with(effects: &[(&str, usize, &[f64])]) -> Hybrid {
+        model_with("cartpole", effects)
+    }
+
+    fn model_with(name: &str, effects: &[(&str, usize, &[f64])]) -> Hybrid {
         let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
-        let mut hybrid = Hybrid::of(&Model::load(&models.join("cartpole/cartpole.toml")).unwrap());
+        let model = Model::load(&models.join(format!("{name}/{name}.toml"))).unwrap();
+        let mut hybrid = Hybrid::of(&model);
         for &(kind, target, values) in effects {
             let placed = Placed {
                 kind: registry::find(kind).unwrap(),
@@ -378,14 +383,19 @@ mod tests {
         let (theta, free) = (hybrid.theta(), hybrid.free());
         let drive = |interval: f64| {
             let t: Vec<f64> = (0..61).map(|k| k as f64 * interval).collect();
-            let u: Vec<f64> = t.iter().map(|t| 2.0 * (9.0 * t).sin()).collect();
-            hybrid.drive(&t, &[u], 4, &theta, &free)
+            let u = |i: usize| {
+                let of = |t: &f64| 2.0 * (9.0 * t + 0.5 * i as f64).sin();
+                t.iter().map(of).collect()
+            };
+            let u: Vec<Vec<f64>> = (0..hybrid.inputs()).map(u).collect();
+            hybrid.drive(&t, &u, 4, &theta, &free)
         };
         let inputs = [drive(0.02), drive(0.015)];
         let starts: Vec<Vec<f64>> = (0..windows)
             .map(|k| {
                 let k = k as f64;
                 let mut start = vec![0.1, 2.5 - 0.3 * k, 0.2 * k - 0.2, 1.5 - 0.4 * k];
+                start.resize(hybrid.nq() + hybrid.nv(), 0.3 * k + 0.1);
                 start.resize(hybrid.nx(), 1e-3 * k);
                 start
             })
@@ -472,8 +482,11 @@ mod tests {
             &[backlash, pole_mass],
             &[gain, load, dahl],
         ];
-        for effects in sets {
-            let hybrid = cart_pole_with(effects);
+        let cart_poles = sets.map(|effects| (effects, cart_pole_with(effects)));
+        // Its fans turn with it.
+        let late: &[(&str, usize, &[f64])] = &[("input_delay", 1, &[0.013]), gain];
+        let hovercraft = (late, model_with("hovercraft", late));
+        for (effects, hybrid) in cart_poles.into_iter().chain([hovercraft]) {
             for windows in [8, 3] {
                 let distance = distance(&hybrid, windows);
                 assert!(distance < 1e-9, "{effects:?}, {windows}: {distance:e}");

@@ -14,13 +14,17 @@ pub fn dead_starts(
     faults: &mut Vec<DataFault>,
 ) -> Vec<usize> {
     for (i, input) in model.inputs.iter().enumerate() {
-        let noise = channels[input.coordinate].noise;
+        // What pushes a link may balance others, or push another coordinate.
+        let Some(c) = input.coordinate() else {
+            continue;
+        };
+        let noise = channels[c].noise;
         let ends: Vec<usize> = runs
             .iter()
-            .filter_map(|run| dead_until(&run.q[input.coordinate], &run.u[i], noise))
+            .filter_map(|run| dead_until(&run.q[c], &run.u[i], noise))
             .collect();
         if runs.len() > 1 && ends.len() == runs.len() {
-            let coordinate = &model.mechanics.coordinates()[input.coordinate].name;
+            let coordinate = &model.mechanics.coordinates()[c].name;
             faults.push(DataFault {
                 kind: "dead_start".into(),
                 column: format!("u.{}", input.name),

@@ -323,7 +323,7 @@ pub fn menu(
     let rest = rest(study, own);
     let concerned = [a, b].map(|c| hybrid.coordinate_of(c.kind, c.target));
     let mut inputs: Vec<usize> = (0..hybrid.inputs())
-        .filter(|&i| concerned.contains(&hybrid.input_coordinates()[i]))
+        .filter(|&i| concerned.iter().any(|&c| hybrid.moves(i, c)))
         .collect();
     if inputs.is_empty() {
         inputs = (0..hybrid.inputs()).collect();
