@@ -33,6 +33,8 @@ pub const LEAST_T2: (f64, f64) = (4.0, 6.0);
 const RARE: (f64, f64) = (2.0, 0.33);
 /// So many candidates that stretched constants imitate are refined beside them.
 const RELIEVING: usize = 4;
+/// So many kinds are refined on all inputs at once.
+const FLEETS: usize = 2;
 /// So many pairs are refined, where nothing is accepted.
 const PAIRS: usize = 4;
 /// Candidates with 1 − ρ² below this look alike to the screen.
@@ -215,11 +217,16 @@ impl Looking<'_> {
         let (study, current) = (self.study, self.current);
         let something_is_left = self.first || current.hint(study, self.first).is_some();
         // What contains a law with a memory is as far from linear as that.
-        let enough = |s: &Screened| match something_is_left || is_dear(s.candidate.kind) {
-            true => PROMISED.0 * self.samples(),
-            false => PROMISED.1 * self.samples(),
+        let [little, enough] = [PROMISED.0, PROMISED.1].map(|share| share * self.samples());
+        let enough = if something_is_left { little } else { enough };
+        let least = |s: &Screened| {
+            if is_dear(s.candidate.kind) {
+                little
+            } else {
+                enough
+            }
         };
-        let promising = screen.ranked.iter().filter(|s| s.gain > enough(s));
+        let promising = screen.ranked.iter().filter(|s| s.gain > least(s));
         let best = promising.clone().next().map_or(0.0, |s| s.gain);
         let is_rare = |s: &Screened| s.t2 > RARE.0 && s.gain > RARE.1 * best;
         let promising: Vec<&Screened> = promising
@@ -245,12 +252,26 @@ impl Looking<'_> {
         let new: Vec<&Screened> = shown.filter(|s| !chosen.contains(s)).collect();
         chosen.extend(new);
         self.refine_all(screen, &chosen, step);
+        self.ask_every_input(screen, enough, step);
         for (batch, others) in others.chunks(REFINED).take(BATCHES).enumerate() {
             match self.hint(step) {
                 None => break,
                 Some(left) if batch > 0 && step.explained() > left.gain => break,
                 Some(_) => self.refine_all(screen, others, step),
             }
+        }
+    }
+
+    /// Refines what all inputs may have in common, where that promises more than anything by itself.
+    fn ask_every_input(&self, screen: &Screen, enough: f64, step: &mut Step) {
+        let (study, current) = (self.study, self.current);
+        let fleets = screen.fleets().into_iter();
+        for fleet in fleets.filter(|fleet| fleet.gain > enough).take(FLEETS) {
+            let kind = fleet.members.first().map_or("", |(c, _)| c.kind.name);
+            (self.report)(&format!("refining {kind} on every input"));
+            step.contenders.push(refine(study, current, &fleet.members));
+            polish(study, current, &mut step.contenders);
+            step.choose(study, current, (self.first, self.seed));
         }
     }
 

@@ -8,6 +8,7 @@
 //! t² counts windows, not samples: residuals within a window are correlated.
 
 mod equations;
+mod fleet;
 mod probed;
 
 use nalgebra::{DMatrix, DVector};
