@@ -54,10 +54,13 @@ fn the_fan_on_the_right_turns_the_hull_to_the_left() {
     assert!((states[1][5] - spin).abs() < 1e-12, "{:?}", states[1]);
 }
 
-/// 60 s at 50 Hz of a hovercraft whose starboard fan has this share of its thrust and whose fans are late by so many steps of 1 ms, by the equations
+/// What u.starboard counts in beside u.port.
+const COUNTS: f64 = 1e-3;
+
+/// 60 s at 50 Hz of a hovercraft whose port fan makes no more of u than `limit` and whose fans are late by so many steps of 1 ms, by the equations
 /// m v̇ = R(θ) (F + F', 0) − c v, I θ̈ = d (F' − F) − b θ̇.
 #[cfg(feature = "cli")]
-fn log(share: f64, late: usize) -> String {
+fn log(limit: f64, late: usize) -> String {
     use std::fmt::Write;
 
     let mut draws = ChaCha8Rng::seed_from_u64(5);
@@ -66,7 +69,7 @@ fn log(share: f64, late: usize) -> String {
         sigma * x
     };
     let slope = |x: [f64; 6], [port, starboard]: [f64; 2]| {
-        let (f, g) = (1.5 * port, share * 1.5 * starboard);
+        let (f, g) = (1.5 * port.clamp(-limit, limit), 1.5 * starboard);
         let (sin, cos) = x[2].sin_cos();
         [
             x[3],
@@ -93,6 +96,7 @@ fn log(share: f64, late: usize) -> String {
         let u = out(20 * k);
         let read = [x[0] + noise(1e-3), x[1] + noise(1e-3), x[2] + noise(2e-3)];
         let [a, b, c] = read;
+        let u = [u[0], u[1] / COUNTS];
         writeln!(text, "{t:.2},{a:.6},{b:.6},{c:.6},{:.9},{:.9}", u[0], u[1]).unwrap();
         let h = 1e-3;
         for step in 20 * k..20 * (k + 1) {
@@ -117,10 +121,21 @@ fn found(log: String) -> (Vec<Named>, [f64; 2]) {
     let dir = tempfile::tempdir().unwrap();
     let (path, out) = (dir.path().join("log.csv"), dir.path().join("out"));
     std::fs::write(&path, log).unwrap();
-    let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
+    let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models/hovercraft");
+    let model = dir.path().join("hovercraft.toml");
+    std::fs::copy(
+        models.join("hovercraft.urdf"),
+        dir.path().join("hovercraft.urdf"),
+    )
+    .unwrap();
+    let text = std::fs::read_to_string(models.join("hovercraft.toml")).unwrap();
+    let (port, starboard) = text.split_once("\"starboard\"").unwrap();
+    let gain = format!("gain = {}", 1.5 * COUNTS);
+    let starboard = starboard.replacen("gain = 1.5", &gain, 1);
+    std::fs::write(&model, format!("{port}\"starboard\"{starboard}")).unwrap();
     let output = std::process::Command::new(env!("CARGO_BIN_EXE_pinode"))
         .arg("diagnose")
-        .args([&models.join("hovercraft/hovercraft.toml"), &path])
+        .args([&model, &path])
         .arg("--out")
         .arg(&out)
         .arg("--json")
@@ -141,25 +156,24 @@ fn found(log: String) -> (Vec<Named>, [f64; 2]) {
     (effects.map(effect).collect(), gap)
 }
 
+/// The other one counts in thousandths.
 #[cfg(feature = "cli")]
 #[test]
-fn the_weak_fan_of_a_hovercraft_is_found() {
-    let (effects, [before, after]) = found(log(0.875, 0));
-    let [(kind, fan, [gain, error])] = &effects[..] else {
+fn the_fan_that_makes_no_more_of_its_input_is_found() {
+    let (effects, [before, after]) = found(log(0.6, 0));
+    let [(kind, fan, [limit, error])] = &effects[..] else {
         panic!("{effects:?}")
     };
-    assert_eq!((&**kind, &**fan), ("input_gain_error", "starboard"));
-    assert!(
-        (gain + 0.125).abs() < (4.0 * error).min(0.01),
-        "{gain} ± {error}"
-    );
-    assert!(after < 3.0 && before > 2.0 * after, "{before} {after}");
+    assert_eq!((&**kind, &**fan), ("input_saturation", "port"));
+    let off = (limit - 0.6).abs();
+    assert!(off < (4.0 * error).min(0.02), "{limit} ± {error}");
+    assert!(after < 3.0 && before > 1.5 * after, "{before} {after}");
 }
 
 #[cfg(feature = "cli")]
 #[test]
 fn fans_that_are_late_alike_are_found_together() {
-    let (effects, [before, after]) = found(log(1.0, 65));
+    let (effects, [before, after]) = found(log(f64::INFINITY, 65));
     let names: Vec<(&str, &str)> = effects.iter().map(|e| (&*e.0, &*e.1)).collect();
     let delays = [("input_delay", "port"), ("input_delay", "starboard")];
     assert_eq!(names, delays, "{effects:?}");

@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use super::scales::MotionScales;
 use crate::effect::{ActsOn, Kind, Scales, registry};
 use crate::hybrid::{Hybrid, Placed};
 use crate::poses::is_of_pose;
@@ -165,10 +166,12 @@ impl Candidate {
         (with, theta)
     }
 
-    /// The scales on its target; for a link with the mass of its body.
-    pub fn scales(&self, hybrid: &Hybrid, scales: &[Scales]) -> Scales {
-        let own = scales[hybrid.coordinate_of(self.kind, self.target)];
+    /// The scales on its target; for a link with the mass of its body, for an input with its own size.
+    pub fn scales(&self, hybrid: &Hybrid, scales: &MotionScales) -> Scales {
+        let coordinate = hybrid.coordinate_of(self.kind, self.target);
+        let own = scales[coordinate];
         match self.kind.acts_on() {
+            ActsOn::Input => scales.of_input(self.target, coordinate),
             ActsOn::Link => Scales {
                 mass: hybrid.mass_of_body(self.target).unwrap_or(own.mass),
                 ..own

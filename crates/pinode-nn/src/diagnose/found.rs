@@ -176,6 +176,15 @@ pub fn revisit(
             report(&format!("revisiting {}", added[k].kind.name));
             let mut rivals = rivals(study, current, &reduced, added, k);
             rank(&mut rivals, seed);
+            // What was taken together with others may explain little by itself, and be sure all the same.
+            let has_a_say = |c: &Contender| c.added[0] == added[k] && c.is_rival();
+            if !rivals.iter().any(has_a_say) {
+                let step = Step {
+                    contenders: rivals,
+                    ..Step::default()
+                };
+                rivals = step.or_slight(study, &reduced, seed).contenders;
+            }
             let own = rivals.iter().position(|r| r.added[0] == added[k]);
             let simple = own.and_then(|own| simpler(&rivals, own, own));
             // What takes its place leaves the others what they are called, or takes theirs as well.
@@ -330,11 +339,13 @@ fn in_offset_class(kind: &Kind) -> bool {
     OFFSET_CLASS.contains(&kind.name)
 }
 
-/// The coordinate that an effect on a joint or an input acts on.
-fn pushed(candidate: &Candidate, hybrid: &Hybrid) -> usize {
-    match candidate.kind.acts_on() {
-        ActsOn::Input => hybrid.coordinate_of(candidate.kind, candidate.target),
-        _ => candidate.target,
+/// The coordinate that an effect on a joint or an input acts on; none for an input on a link, which pushes several, now this way and now that.
+fn pushed(candidate: &Candidate, hybrid: &Hybrid) -> Option<usize> {
+    let Candidate { kind, target } = *candidate;
+    match kind.acts_on() {
+        ActsOn::Input if hybrid.is_on_link(target) => None,
+        ActsOn::Input => Some(hybrid.coordinate_of(kind, target)),
+        _ => Some(target),
     }
 }
 
@@ -356,11 +367,13 @@ fn twins_of(
     if !in_offset_class(candidate.kind) {
         return Vec::new();
     }
-    let place = pushed(candidate, hybrid);
+    let Some(place) = pushed(candidate, hybrid) else {
+        return Vec::new();
+    };
     let there = |hybrid: &Hybrid, names: &[&str]| {
         hybrid.effects().iter().any(|e| {
             let (kind, target) = (e.kind, e.target);
-            names.contains(&kind.name) && pushed(&Candidate { kind, target }, hybrid) == place
+            names.contains(&kind.name) && pushed(&Candidate { kind, target }, hybrid) == Some(place)
         })
     };
     let difference = "asymmetric_coulomb_friction";
@@ -373,7 +386,7 @@ fn twins_of(
     let is_twin = |twin: &Candidate| {
         let apart = changed && is_input(twin.kind) != is_input(candidate.kind);
         let smooth = !rubs && twin.kind.name == difference;
-        twin != candidate && pushed(twin, hybrid) == place && !apart && !smooth
+        twin != candidate && pushed(twin, hybrid) == Some(place) && !apart && !smooth
     };
     OFFSET_CLASS
         .iter()

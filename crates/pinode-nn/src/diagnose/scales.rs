@@ -1,5 +1,7 @@
 //! How large the motion in a log is.
 
+use std::ops::Deref;
+
 use super::blows::struck;
 use super::rests::held;
 use super::smooth::Smoothed;
@@ -10,18 +12,59 @@ use crate::shooting::Observations;
 /// What is smooth enough for a parabola, over what is enough for a cubic on either side of its middle.
 const FREE: f64 = 5.0 / 3.0;
 
-/// The scales of the motion, one a coordinate, smoothed over `half_width` s.
+/// The scales of the motion, one a coordinate, and the sizes of the inputs: what is asked of one of them is measured by that one, for others may be in other
+/// units.
+#[derive(Debug, Clone)]
+pub struct MotionScales {
+    coordinates: Vec<Scales>,
+    /// Root mean square and largest size, as logged.
+    inputs: Vec<[f64; 2]>,
+}
+
+impl Deref for MotionScales {
+    type Target = [Scales];
+
+    fn deref(&self) -> &[Scales] {
+        &self.coordinates
+    }
+}
+
+impl MotionScales {
+    /// Those of a coordinate with the size of an input.
+    pub fn of_input(&self, input: usize, coordinate: usize) -> Scales {
+        let [input, largest_input] = self.inputs[input];
+        Scales {
+            input,
+            largest_input,
+            ..self.coordinates[coordinate]
+        }
+    }
+}
+
+/// Root mean square and largest size.
+fn size<'a>(u: impl Iterator<Item = &'a f64>) -> [f64; 2] {
+    let (mut square, mut largest, mut count) = (0.0, 0.0_f64, 0.0);
+    for u in u {
+        square += u * u;
+        largest = largest.max(u.abs());
+        count += 1.0;
+    }
+    [(square / f64::max(count, 1.0)).sqrt(), largest]
+}
+
+/// The scales of the motion, smoothed over `half_width` s.
 pub fn scales(
     hybrid: &Hybrid,
     (smoothed, half_width): (&[Smoothed], f64),
     observations: &Observations,
-) -> Vec<Scales> {
+) -> MotionScales {
     let nv = hybrid.nv();
     let theta = hybrid.theta();
     let mut memory = hybrid.memory(&[]);
     let mut mass = nalgebra::DMatrix::zeros(nv, nv);
     let held = held(hybrid, smoothed, observations);
-    (0..nv)
+    let logged = |i: usize| observations.runs.iter().flat_map(move |run| &run.u[i]);
+    let coordinates = (0..nv)
         .map(|c| {
             let q = || smoothed.iter().flat_map(|s| &s.q[c]).copied();
             let low = q().fold(f64::INFINITY, f64::min);
@@ -45,14 +88,8 @@ pub fn scales(
                     n += 1.0;
                 }
             }
-            let own = (0..hybrid.inputs()).filter(|&i| hybrid.moves(i, c));
-            let inputs = own.flat_map(|i| observations.runs.iter().flat_map(move |run| &run.u[i]));
-            let (mut input, mut largest, mut count) = (0.0, 0.0_f64, 0.0);
-            for u in inputs {
-                input += u * u;
-                largest = largest.max(u.abs());
-                count += 1.0;
-            }
+            let own = (0..hybrid.inputs()).filter(|&i| hybrid.acts_on_joint(i, c));
+            let [input, largest_input] = size(own.flat_map(logged));
             let positive = |x: f64| if x > 0.0 { x } else { 1.0 };
             Scales {
                 centre: 0.5 * (low + high),
@@ -60,8 +97,8 @@ pub fn scales(
                 speed: positive(speed.get(speed.len() * 19 / 20).copied().unwrap_or(0.0)),
                 force: positive((square / f64::max(n, 1.0)).sqrt()),
                 mass: positive(entry / f64::max(n, 1.0)),
-                input: (input / f64::max(count, 1.0)).sqrt(),
-                largest_input: largest,
+                input,
+                largest_input,
                 noise: observations
                     .channels
                     .get(c)
@@ -70,5 +107,9 @@ pub fn scales(
                 held: held[c],
             }
         })
-        .collect()
+        .collect();
+    MotionScales {
+        coordinates,
+        inputs: (0..hybrid.inputs()).map(|i| size(logged(i))).collect(),
+    }
 }

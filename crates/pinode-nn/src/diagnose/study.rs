@@ -6,9 +6,10 @@ use std::sync::{Arc, OnceLock};
 use super::kept::Kept;
 use super::pushes::is_push;
 use super::remainder::{Remainder, remainder};
+use super::scales::MotionScales;
 use super::score::{Paired, paired, samples_per_window};
 use super::smooth::Smoothed;
-use crate::effect::{Kind, Scales};
+use crate::effect::Kind;
 use crate::hybrid::{HiddenPath, Hybrid, Placed};
 use crate::shooting::{Fit, FitOptions, HiddenPrior, Observations, Window, Windows, fit};
 
@@ -39,7 +40,7 @@ pub struct Study {
     /// The windows, seen and held out.
     pub windows: Windows,
     /// The scales of the motion, one a coordinate.
-    pub scales: Vec<Scales>,
+    pub scales: MotionScales,
     /// The recordings, smoothed.
     pub smoothed: Arc<Vec<Smoothed>>,
     /// Typical time between two samples, s.

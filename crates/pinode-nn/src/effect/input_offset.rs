@@ -1,6 +1,6 @@
 //! Input offset: u → u + b.
 //!
-//! b in units of the input. The same as a constant force on its joint, but for a delay or a saturation behind it.
+//! b in units of the input. On a joint the same as a constant force there, but for a delay or a saturation behind it.
 
 use super::pointwise::{Pointwise, PointwiseLaw};
 use super::{Action, Family, Kind, ParameterSpec, Quantity, kind::from_zero};

@@ -124,6 +124,8 @@ pub struct Hybrid {
     input_coordinates: Vec<usize>,
     /// What the inputs that push links do per unit.
     link_forces: Vec<Option<Arc<LinkForce>>>,
+    /// Whether an entry of v is left to a network alone: they do not push it.
+    left: Vec<bool>,
     /// What each input does between two samples of a log.
     between: Vec<Between>,
     effects: Vec<Placed>,
@@ -354,6 +356,7 @@ impl Hybrid {
         );
         Hybrid {
             starts: starts(mechanics.coordinates()),
+            left: vec![false; mechanics.nv()],
             space: Product {
                 first: PhaseSpace {
                     positions: Positions::new(mechanics.coordinates()),
@@ -480,12 +483,13 @@ impl Hybrid {
         .collect()
     }
 
-    /// Inputs that move these coordinates and no others do not act by themselves any more, but through a network alone; effects of the model do.
+    /// Inputs do not act on these coordinates by themselves any more, but through a network alone; effects of the model do.
     pub(crate) fn leave_to_network(&mut self, coordinates: &[usize]) {
-        for input in 0..self.inputs() {
-            let moves_another =
-                (0..self.starts.len()).any(|c| self.moves(input, c) && !coordinates.contains(&c));
-            self.carried[input] |= !moves_another;
+        for (carried, own) in self.carried.iter_mut().zip(&self.input_coordinates) {
+            *carried |= coordinates.contains(own);
+        }
+        for start in coordinates.iter().filter_map(|&c| self.starts.get(c)) {
+            self.left[start.v] = true;
         }
     }
 
@@ -506,6 +510,7 @@ impl Hybrid {
             ranges: Vec::new(),
             state_ranges: Vec::new(),
             carried: vec![false; self.carried.len()],
+            left: vec![false; self.left.len()],
             networks: Vec::new(),
             open: Vec::new(),
             space: Product {

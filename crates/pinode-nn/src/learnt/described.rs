@@ -38,11 +38,6 @@ impl Described {
             Quantity::Input { input, back } => {
                 let own = model.inputs.get(input);
                 let target = own.map_or(Target::Coordinate(usize::MAX), Input::target);
-                let (on, unit) = match target {
-                    Target::Coordinate(c) => (of(c).0, of(c).2),
-                    // Of the force and the torque that it has on the link.
-                    _ => (model.target_name(target), "1"),
-                };
                 let name = inputs.get(input).copied().unwrap_or_default();
                 let gain = own.map_or(1.0, |i| i.gain);
                 let when = match back {
@@ -50,10 +45,22 @@ impl Described {
                     1 => ", one sample of the log ago".to_owned(),
                     back => format!(", {back} samples of the log ago"),
                 };
-                let meaning = format!(
-                    "force of the input {name} on {on}: its gain of {gain} {unit} per unit times what its drive lets through{when}"
-                );
-                (unit.to_owned(), meaning)
+                let on = model.target_name(target);
+                match target {
+                    Target::Coordinate(c) => {
+                        let unit = of(c).2;
+                        let meaning = format!(
+                            "force of the input {name} on {on}: its gain of {gain} {unit} per unit times what its drive lets through{when}"
+                        );
+                        (unit.to_owned(), meaning)
+                    }
+                    _ => {
+                        let meaning = format!(
+                            "factor on the force and the torque of the input {name} on {on}: its gain of {gain} times what its drive lets through{when}"
+                        );
+                        ("1".to_owned(), meaning)
+                    }
+                }
             }
         };
         Described {

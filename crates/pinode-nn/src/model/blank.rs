@@ -23,6 +23,15 @@ impl Model {
         let mut document = self.document()?;
         let table = document.as_table_mut();
         table.retain(|key, _| LEFT.contains(&key) || (driven && key == INPUT));
+        // What pushed a link is seen by the network, as every input; that there is no link any more is nobody's business.
+        let inputs = table.get_mut(INPUT).and_then(Item::as_array_of_tables_mut);
+        for input in inputs.into_iter().flat_map(|inputs| inputs.iter_mut()) {
+            let first = coordinates.first().map_or("", |c| c.name.as_str());
+            if input.remove("link").is_some() {
+                input.retain(|key, _| !["point", "force", "torque"].contains(&key));
+                input.insert("joint", value(first));
+            }
+        }
         let names = |keep: &dyn Fn(&Coordinate) -> bool| -> Array {
             let kept = coordinates.iter().filter(|c| keep(c));
             kept.map(|c| c.name.as_str()).collect()
@@ -108,6 +117,18 @@ mod tests {
                 assert!((last - expected).abs() < 1e-12, "{last} {expected}");
             }
         }
+    }
+
+    #[test]
+    fn an_input_that_pushed_a_link_is_one_all_the_same() {
+        let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
+        let path = models.join("cartpole/cartpole.toml");
+        let rotor = "\n[[input]]\nname = \"rotor\"\nlink = \"pole\"\nforce = [1.0, 0.0, 0.0]\n";
+        let text = std::fs::read_to_string(&path).unwrap() + rotor;
+        let model = Model::parse(&path, text).unwrap();
+        let blank = model.without_mechanics(true).unwrap();
+        let names: Vec<&str> = blank.inputs.iter().map(|i| i.name.as_str()).collect();
+        assert_eq!(names, ["motor", "rotor"]);
     }
 
     fn blank_of(name: &str) -> (Model, Result<Model, Error>) {

@@ -161,6 +161,16 @@ fn read_one(
             index.map(Target::Input)
         }
     });
+    if kind.name == "load_dependent_friction"
+        && let (Some(Target::Coordinate(c)), Some(place)) = (target, place)
+        && inputs.iter().any(|input| input.coordinate().is_none())
+        && !inputs.iter().any(|input| input.coordinate() == Some(c))
+    {
+        faults.at(
+            place,
+            "load_dependent_friction follows the forces of the inputs on its joint: there is none, and those on links do not count",
+        );
+    }
     let coordinate = match target {
         Some(Target::Coordinate(i)) => Some(i),
         Some(Target::Input(i)) if kind.memory().is_some() => {

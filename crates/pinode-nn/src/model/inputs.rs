@@ -128,7 +128,17 @@ pub(super) fn read(
 /// `joint`, or `link` with `force`, `torque` and `point`.
 fn pushes(table: &Section, mechanism: Option<&Mechanism>, faults: &mut Faults) -> Option<Pushes> {
     if table.get("link").is_none() {
-        table.check_keys(&["name", "joint", "gain", "between_samples"], faults);
+        let of_link = ["point", "force", "torque"];
+        for key in of_link {
+            if let Some(value) = table.get(key) {
+                faults.at(
+                    value.span().start,
+                    format!("`{key}` goes with a `link = \"…\"`, which it turns with, and not with a joint"),
+                );
+            }
+        }
+        let known = ["name", "joint", "gain", "between_samples"];
+        table.check_keys(&[&known[..], &of_link[..]].concat(), faults);
         if table.get("joint").is_none() {
             faults.at(
                 table.offset,
@@ -188,6 +198,16 @@ fn pushes(table: &Section, mechanism: Option<&Mechanism>, faults: &mut Faults) -
         force: force?,
         torque: torque?,
     };
+    let [x, y, z] = on.point;
+    let [f, g, h] = on.force;
+    let arms = [y * h - z * g, z * f - x * h, x * g - y * f];
+    if !arms.iter().zip(on.torque).all(|(m, n)| (m + n).is_finite()) {
+        faults.at(
+            name.offset(),
+            "the moment of this input about the link's origin, point × force + torque, is too large for a number",
+        );
+        return None;
+    }
     if tree
         .link_force(on.link, on.point, on.force, on.torque)
         .is_none()

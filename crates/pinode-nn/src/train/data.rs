@@ -10,9 +10,8 @@ use super::windows::{RunName, border, one_interval, run_names};
 use super::{Options, Start};
 use crate::Error;
 use crate::diagnose::audit::{Masked, audit};
-use crate::diagnose::scales::scales;
+use crate::diagnose::scales::{MotionScales, scales};
 use crate::diagnose::smooth::{Smoothed, smooth};
-use crate::effect::Scales;
 use crate::entries::{refuse_poses, starts};
 use crate::hybrid::{DrivenInputs, HiddenPath, Hybrid, Reading};
 use crate::learnt::{Feature, Output, Quantity};
@@ -58,7 +57,7 @@ pub(crate) struct Recordings {
     pub(super) targets: Vec<Target>,
     /// The readings, smoothed.
     pub(super) smoothed: Vec<Smoothed>,
-    pub(super) scales: Vec<Scales>,
+    pub(super) scales: MotionScales,
     /// What the sensors do, one a coordinate.
     pub(super) readings: Vec<Reading>,
     /// Where the recordings take the effects with a memory.

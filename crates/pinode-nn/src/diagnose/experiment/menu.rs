@@ -480,7 +480,7 @@ fn slowest(study: &Study) -> Vec<f64> {
     let mut best = (f64::INFINITY, 0, 0);
     for (run, smoothed) in study.smoothed.iter().enumerate() {
         for k in 0..smoothed.v.first().map_or(0, Vec::len) {
-            let columns = smoothed.v.iter().zip(&study.scales);
+            let columns = smoothed.v.iter().zip(study.scales.iter());
             let speed: f64 = columns.map(|(v, s)| (v[k] / s.speed).powi(2)).sum();
             if speed < best.0 {
                 best = (speed, run, k);

@@ -83,7 +83,7 @@ impl<'a> Simulator<'a> {
     /// the log or the start has it up to half a turn.
     fn is_within(&self, q: &[f64]) -> bool {
         let coordinates = self.hybrid.mechanics().coordinates().iter();
-        let scales = coordinates.zip(&self.study.scales);
+        let scales = coordinates.zip(self.study.scales.iter());
         let places = self.trial.rest.iter().zip(&self.trial.start);
         q.iter()
             .zip(scales.zip(places))
