@@ -30,6 +30,11 @@ impl Deref for MotionScales {
 }
 
 impl MotionScales {
+    /// Root mean square of an input as logged.
+    pub fn usual_input(&self, input: usize) -> f64 {
+        self.inputs[input][0]
+    }
+
     /// Those of a coordinate with the size of an input.
     pub fn of_input(&self, input: usize, coordinate: usize) -> Scales {
         let [input, largest_input] = self.inputs[input];

@@ -160,9 +160,11 @@ impl Burst {
                     [q, smooth.v[c][k] / (0.4 * s.speed)]
                 })
                 .collect();
-            let input = study.scales.iter().map(|s| s.input).fold(0.0, f64::max);
-            let inputs = study.observations.runs[run].u.iter();
-            at.extend(inputs.map(|u| u[k] / input.max(f64::MIN_POSITIVE)));
+            let inputs = study.observations.runs[run].u.iter().enumerate();
+            at.extend(inputs.map(|(i, u)| {
+                let usual = study.scales.usual_input(i);
+                u[k] / usual.max(f64::MIN_POSITIVE)
+            }));
             at
         };
         let (mut inside, mut outside) = (Vec::new(), Vec::new());
