@@ -9,7 +9,7 @@ use std::fmt::Write;
 
 use common::load::tree;
 use lagrange::constraint::{Constrained, Constraint, LinkPoint, Loop, Loops};
-use lagrange::mechanism::Tree;
+use lagrange::mechanism::{LinkForceMemory, Tree};
 use lagrange::urdf::Options;
 use lagrange::{
     Dynamics, ForwardDynamicsDerivatives, ForwardDynamicsGradient, InverseDynamicsDerivatives,
@@ -426,7 +426,19 @@ fn poses_jacobians_and_motions_of_a_floating_tree_take_no_memory() {
     let mut poses = tree.poses(&q).unwrap();
     let mut of_link = DMatrix::zeros(6, tree.nv());
     let mut of_centre = DMatrix::zeros(3, tree.nv());
+    let force = tree
+        .link_force(1, [0.1, 0.2, 0.3], [1.0, 0.5, -0.2], [0.3; 3])
+        .unwrap();
+    let (mut pushed, mut memory) = (0.0, LinkForceMemory::default());
+    let eight: Vec<[f64; LANES]> = q.iter().map(|&q| [q; LANES]).collect();
+    // Its memory is taken at the first call.
+    force.each_derivative(&q, &mut memory, |_, _| {});
+    force.each_derivative_of_eight(&eight, &mut memory, |_, _| {});
     let counted = allocation_counter::measure(|| {
+        force.each(&q, |_, part: f64| pushed += part.abs());
+        force.each_derivative(&q, &mut memory, |_, part| pushed += part.abs());
+        force.each_of_eight(&eight, |_, part| pushed += part[0].abs());
+        force.each_derivative_of_eight(&eight, &mut memory, |_, part| pushed += part[0].abs());
         state::integrate_into(coordinates, &q, &v, &mut moved);
         state::difference_into(coordinates, &q, &moved, &mut apart);
         state::position_rate_into(coordinates, &moved, &v, &mut rate);
@@ -436,5 +448,5 @@ fn poses_jacobians_and_motions_of_a_floating_tree_take_no_memory() {
         tree.centre_of_mass_jacobian_into(&poses, &mut of_centre);
     });
     assert_eq!(counted.count_total, 0, "{} bytes", counted.bytes_total);
-    assert!(of_link.amax() > 0.0 && of_centre.amax() > 0.0);
+    assert!(of_link.amax() > 0.0 && of_centre.amax() > 0.0 && pushed > 0.0);
 }

@@ -9,7 +9,7 @@ pub(crate) trait Task {
 /// The instructions of the processor at hand.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Processor {
-    /// AVX-512; not in builds with debug assertions: the same source as for AVX2, compiled once more, would make them a quarter longer.
+    /// AVX-512; not in builds with debug assertions: it is the source of AVX2 compiled once more, a quarter of the time that this crate takes.
     #[cfg(all(target_arch = "x86_64", not(debug_assertions)))]
     V4(pulp::x86::V4),
     /// AVX2 and fused products.

@@ -111,13 +111,13 @@ fn log(limit: f64, late: usize) -> String {
     text
 }
 
-/// Kind and target of an effect, and its parameter with the standard error.
+/// Kind and target of an effect, its parameter with the standard error, and how sure it is.
 #[cfg(feature = "cli")]
-type Named = (String, String, [f64; 2]);
+type Named = (String, String, [f64; 2], f64);
 
-/// What the program finds of the hovercraft in a log, and the gap before and after.
+/// What the program finds of the hovercraft in a log, the gap before and after, and what it says meanwhile.
 #[cfg(feature = "cli")]
-fn found(log: String) -> (Vec<Named>, [f64; 2]) {
+fn found(log: String) -> (Vec<Named>, [f64; 2], String) {
     let dir = tempfile::tempdir().unwrap();
     let (path, out) = (dir.path().join("log.csv"), dir.path().join("out"));
     std::fs::write(&path, log).unwrap();
@@ -141,7 +141,7 @@ fn found(log: String) -> (Vec<Named>, [f64; 2]) {
         .arg("--json")
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&output.stderr);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success(), "{said}");
     let diagnosis: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let effect = |effect: &serde_json::Value| {
@@ -149,19 +149,21 @@ fn found(log: String) -> (Vec<Named>, [f64; 2]) {
         let parameters = effect["parameters"].as_object().unwrap();
         let parameter = parameters.values().next().unwrap();
         let number = |key: &str| parameter[key].as_f64().unwrap();
-        (text("kind"), text("target"), ["value", "std"].map(number))
+        let confidence = effect["confidence"].as_f64().unwrap();
+        let numbers = ["value", "std"].map(number);
+        (text("kind"), text("target"), numbers, confidence)
     };
     let effects = diagnosis["effects"].as_array().unwrap().iter();
     let gap = ["before", "after"].map(|key| diagnosis["gap"][key].as_f64().unwrap());
-    (effects.map(effect).collect(), gap)
+    (effects.map(effect).collect(), gap, said)
 }
 
 /// The other one counts in thousandths.
 #[cfg(feature = "cli")]
 #[test]
 fn the_fan_that_makes_no_more_of_its_input_is_found() {
-    let (effects, [before, after]) = found(log(0.6, 0));
-    let [(kind, fan, [limit, error])] = &effects[..] else {
+    let (effects, [before, after], _) = found(log(0.6, 0));
+    let [(kind, fan, [limit, error], _)] = &effects[..] else {
         panic!("{effects:?}")
     };
     assert_eq!((&**kind, &**fan), ("input_saturation", "port"));
@@ -173,11 +175,14 @@ fn the_fan_that_makes_no_more_of_its_input_is_found() {
 #[cfg(feature = "cli")]
 #[test]
 fn fans_that_are_late_alike_are_found_together() {
-    let (effects, [before, after]) = found(log(f64::INFINITY, 65));
+    let (effects, [before, after], said) = found(log(f64::INFINITY, 65));
+    assert!(said.contains("input_delay on every input"), "{said}");
     let names: Vec<(&str, &str)> = effects.iter().map(|e| (&*e.0, &*e.1)).collect();
     let delays = [("input_delay", "port"), ("input_delay", "starboard")];
     assert_eq!(names, delays, "{effects:?}");
-    for (_, fan, [delay, error]) in &effects {
+    for (_, fan, [delay, error], confidence) in &effects {
+        // One beside the other explains little.
+        assert!(*confidence > 0.9, "{fan}: {confidence}");
         let off = (delay - 0.065).abs();
         assert!(off < (4.0 * error).min(0.005), "{fan}: {delay} ± {error}");
     }

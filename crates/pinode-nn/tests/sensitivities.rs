@@ -15,14 +15,15 @@ use rand_chacha::ChaCha8Rng;
 
 const SUBSTEPS: usize = 4;
 
+fn load(path: &str) -> Model {
+    let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
+    Model::load(&models.join(path)).unwrap()
+}
+
 /// The cart-pole with each kind of effect on the slider (or its sensor, or the motor, or the link of the pole), and friction on the pole, and one of the kinds that
 /// may stand between the motor and the slider; all of θ free.
 fn with_every_effect(transmission: &str) -> Hybrid {
-    let path = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../models/cartpole/cartpole.toml"
-    );
-    let model = Model::load(Path::new(path)).unwrap();
+    let model = load("cartpole/cartpole.toml");
     let mut hybrid = Hybrid::of(&model);
     let links = hybrid.links().to_vec();
     for kind in registry::ALL.iter().copied() {
@@ -173,21 +174,13 @@ fn free_of(model: Model) -> Hybrid {
 }
 
 fn hovercraft() -> (Hybrid, Vec<f64>) {
-    let path = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../models/hovercraft/hovercraft.toml"
-    );
-    let model = Model::load(Path::new(path)).unwrap();
+    let model = load("hovercraft/hovercraft.toml");
     (free_of(model), vec![0.3, -0.2, 0.7, 0.5, -0.4, 1.3])
 }
 
 /// With its pose as `quaternion` or `angles`.
 fn quadrotor(pose: &str) -> (Hybrid, Vec<f64>) {
-    let path = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../models/quadrotor/quadrotor.toml"
-    );
-    let model = Model::load(Path::new(path)).unwrap();
+    let model = load("quadrotor/quadrotor.toml");
     let spin = [0.3, -0.1, 0.2, 0.4, -0.6, 0.8];
     match pose {
         "angles" => {
@@ -209,11 +202,7 @@ fn quadrotor(pose: &str) -> (Hybrid, Vec<f64>) {
 /// The four-bar with friction on its rocker; the lengths in its constraints are free as well.
 #[test]
 fn sensitivities_of_a_constrained_roll_out_equal_differences() {
-    let path = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../models/four_bar/four_bar_text.toml"
-    );
-    let model = Model::load(Path::new(path)).unwrap();
+    let model = load("four_bar/four_bar_text.toml");
     let constraints = model.mechanics.constraints().unwrap();
     let (q, v) = constraints
         .project_with(
@@ -313,11 +302,7 @@ fn equal_differences(hybrid: &Hybrid, initial: &[f64]) {
 
 #[test]
 fn a_delay_of_whole_steps_shifts_the_input_and_any_delay_keeps_its_impulse() {
-    let path = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../models/cartpole/cartpole.toml"
-    );
-    let mut hybrid = Hybrid::of(&Model::load(Path::new(path)).unwrap());
+    let mut hybrid = Hybrid::of(&load("cartpole/cartpole.toml"));
     let delay = registry::find("input_delay").unwrap();
     let placed = Placed {
         kind: delay,
@@ -349,11 +334,7 @@ fn a_delay_of_whole_steps_shifts_the_input_and_any_delay_keeps_its_impulse() {
 
 /// The quadruped in the air, with the damping of its gears.
 fn quadruped() -> (Hybrid, Vec<f64>) {
-    let path = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../models/quadruped/quadruped.toml"
-    );
-    let mut hybrid = Hybrid::of(&Model::load(Path::new(path)).unwrap());
+    let mut hybrid = Hybrid::of(&load("quadruped/quadruped.toml"));
     for constant in hybrid.constants_mut() {
         constant.tolerance = f64::INFINITY;
     }
@@ -502,11 +483,7 @@ fn readings_change_with_states_and_constants_as_their_derivatives_say() {
 /// A reading that is T late is that of T before: a motion that is a cubic in time is met exactly between samples.
 #[test]
 fn a_delayed_sensor_reads_the_motion_of_before() {
-    let path = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../models/cartpole/cartpole.toml"
-    );
-    let mut hybrid = Hybrid::of(&Model::load(Path::new(path)).unwrap());
+    let mut hybrid = Hybrid::of(&load("cartpole/cartpole.toml"));
     let placed = Placed {
         kind: registry::find("sensor_delay").unwrap(),
         target: 1,

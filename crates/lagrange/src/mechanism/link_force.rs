@@ -98,6 +98,12 @@ impl Tree {
 }
 
 impl LinkForce {
+    /// Whether force and moment about the link's origin are numbers: a far point makes of a large force a moment that is none.
+    pub fn is_finite(&self) -> bool {
+        let Wrench { force, moment } = &self.wrench;
+        force.iter().chain(moment).all(|x| x.is_finite())
+    }
+
     /// Whether it moves an entry of v in some position.
     pub fn moves(&self, v: usize) -> bool {
         let own = |node: &Node| (node.v..node.v + node.freedom.dof()).contains(&v);

@@ -411,6 +411,18 @@ mod tests {
     use super::super::setup::Prepared;
     use super::*;
 
+    #[test]
+    fn an_offset_of_what_pushes_a_link_is_no_constant_force_on_any_joint() {
+        let pushed_by = |name: &str| {
+            let models = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
+            let path = models.join(format!("{name}/{name}.toml"));
+            let hybrid = Hybrid::of(&crate::model::Model::load(&path).unwrap());
+            pushed(&Candidate::named("input_offset", 0), &hybrid)
+        };
+        assert_eq!(pushed_by("cartpole"), Some(0));
+        assert_eq!(pushed_by("hovercraft"), None);
+    }
+
     /// Without friction of the model's own, a difference of friction between the directions is friction as well, and no constant force.
     #[test]
     fn friction_by_direction_is_a_constant_force_only_beside_friction() {

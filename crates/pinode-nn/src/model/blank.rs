@@ -4,6 +4,7 @@ use lagrange::{Coordinate, Field, TextLagrangian, TextProblem, TextSource};
 use toml_edit::{Array, Item, Table, value};
 
 use super::Model;
+use super::inputs::OF_LINK;
 use crate::Error;
 
 /// What is left of a model's file; the inputs only where the coordinates are driven.
@@ -24,13 +25,16 @@ impl Model {
         let table = document.as_table_mut();
         table.retain(|key, _| LEFT.contains(&key) || (driven && key == INPUT));
         // What pushed a link is seen by the network, as every input; that there is no link any more is nobody's business.
-        let inputs = table.get_mut(INPUT).and_then(Item::as_array_of_tables_mut);
-        for input in inputs.into_iter().flat_map(|inputs| inputs.iter_mut()) {
+        let inputs = table.remove(INPUT).map(Item::into_array_of_tables);
+        if let Some(Ok(mut inputs)) = inputs {
             let first = coordinates.first().map_or("", |c| c.name.as_str());
-            if input.remove("link").is_some() {
-                input.retain(|key, _| !["point", "force", "torque"].contains(&key));
-                input.insert("joint", value(first));
+            for input in inputs.iter_mut() {
+                if input.remove("link").is_some() {
+                    input.retain(|key, _| !OF_LINK.contains(&key));
+                    input.insert("joint", value(first));
+                }
             }
+            table.insert(INPUT, Item::ArrayOfTables(inputs));
         }
         let names = |keep: &dyn Fn(&Coordinate) -> bool| -> Array {
             let kept = coordinates.iter().filter(|c| keep(c));
@@ -123,12 +127,16 @@ mod tests {
     fn an_input_that_pushed_a_link_is_one_all_the_same() {
         let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
         let path = models.join("cartpole/cartpole.toml");
+        let text = std::fs::read_to_string(&path).unwrap();
         let rotor = "\n[[input]]\nname = \"rotor\"\nlink = \"pole\"\nforce = [1.0, 0.0, 0.0]\n";
-        let text = std::fs::read_to_string(&path).unwrap() + rotor;
-        let model = Model::parse(&path, text).unwrap();
-        let blank = model.without_mechanics(true).unwrap();
-        let names: Vec<&str> = blank.inputs.iter().map(|i| i.name.as_str()).collect();
-        assert_eq!(names, ["motor", "rotor"]);
+        let names = |text: String| -> Vec<String> {
+            let model = Model::parse(&path, text).unwrap();
+            let blank = model.without_mechanics(true).unwrap();
+            blank.inputs.iter().map(|i| i.name.clone()).collect()
+        };
+        assert_eq!(names(text + rotor), ["motor", "rotor"]);
+        let in_a_line = "urdf = \"cartpole.urdf\"\ninput = [{ name = \"rotor\", link = \"pole\", torque = [0, 1, 0] }]\n";
+        assert_eq!(names(in_a_line.to_owned()), ["rotor"]);
     }
 
     fn blank_of(name: &str) -> (Model, Result<Model, Error>) {

@@ -125,50 +125,46 @@ pub(super) fn read(
     inputs
 }
 
+/// The keys of an input on a link.
+pub(super) const OF_LINK: [&str; 3] = ["point", "force", "torque"];
+
 /// `joint`, or `link` with `force`, `torque` and `point`.
 fn pushes(table: &Section, mechanism: Option<&Mechanism>, faults: &mut Faults) -> Option<Pushes> {
-    if table.get("link").is_none() {
-        let of_link = ["point", "force", "torque"];
-        for key in of_link {
-            if let Some(value) = table.get(key) {
+    let all = ["name", "joint", "link", "gain", "between_samples"];
+    table.check_keys(&[&all[..], &OF_LINK[..]].concat(), faults);
+    match (table.get("joint"), table.get("link")) {
+        (Some(joint), Some(_)) => {
+            faults.at(
+                joint.span().start,
+                "an input has a `joint` or a `link`: leave one of them out",
+            );
+            on_link(table, mechanism, faults)
+        }
+        (None, Some(_)) => on_link(table, mechanism, faults),
+        (joint, None) => {
+            if joint.is_none() {
+                faults.at(
+                    table.offset,
+                    "[[input]] has neither `joint` nor `link`: write `joint = \"…\"`, or `link = \"…\"` with the `force` and the `torque` that turn \
+                     with it",
+                );
+            }
+            for (key, value) in OF_LINK
+                .iter()
+                .filter_map(|key| Some((key, table.get(key)?)))
+            {
                 faults.at(
                     value.span().start,
                     format!("`{key}` goes with a `link = \"…\"`, which it turns with, and not with a joint"),
                 );
             }
+            let joint = table.string("joint", faults)?;
+            find_coordinate(mechanism?, joint.value, joint.offset(), faults).map(Pushes::Coordinate)
         }
-        let known = ["name", "joint", "gain", "between_samples"];
-        table.check_keys(&[&known[..], &of_link[..]].concat(), faults);
-        if table.get("joint").is_none() {
-            faults.at(
-                table.offset,
-                "[[input]] has neither `joint` nor `link`: write `joint = \"…\"`, or `link = \"…\"` with the `force` and the `torque` that turn \
-                 with it",
-            );
-        }
-        let joint = table.string("joint", faults)?;
-        return find_coordinate(mechanism?, joint.value, joint.offset(), faults)
-            .map(Pushes::Coordinate);
     }
-    let known = [
-        "name",
-        "link",
-        "point",
-        "force",
-        "torque",
-        "gain",
-        "between_samples",
-    ];
-    match table.get("joint") {
-        Some(value) => {
-            faults.at(
-                value.span().start,
-                "an input has a `joint` or a `link`: leave one of them out",
-            );
-            table.check_keys(&[&known[..], &["joint"]].concat(), faults);
-        }
-        None => table.check_keys(&known, faults),
-    }
+}
+
+fn on_link(table: &Section, mechanism: Option<&Mechanism>, faults: &mut Faults) -> Option<Pushes> {
     let name = table.string("link", faults);
     let mut vector = |key, meaning| match table.get(key) {
         None => Some([0.0; 3]),
@@ -198,27 +194,19 @@ fn pushes(table: &Section, mechanism: Option<&Mechanism>, faults: &mut Faults) -
         force: force?,
         torque: torque?,
     };
-    let [x, y, z] = on.point;
-    let [f, g, h] = on.force;
-    let arms = [y * h - z * g, z * f - x * h, x * g - y * f];
-    if !arms.iter().zip(on.torque).all(|(m, n)| (m + n).is_finite()) {
-        faults.at(
-            name.offset(),
-            "the moment of this input about the link's origin, point × force + torque, is too large for a number",
-        );
-        return None;
-    }
-    if tree
-        .link_force(on.link, on.point, on.force, on.torque)
-        .is_none()
-    {
-        faults.at(
-            name.offset(),
-            format!(
-                "link {} does not move: what pushes it moves nothing",
-                quoted(name.value)
-            ),
-        );
+    let fault = match tree.link_force(on.link, on.point, on.force, on.torque) {
+        None => Some(format!(
+            "link {} does not move: what pushes it moves nothing",
+            quoted(name.value)
+        )),
+        Some(law) if !law.is_finite() => Some(
+            "the moment of this input, point × force + torque, is too large for a number"
+                .to_owned(),
+        ),
+        Some(_) => None,
+    };
+    if let Some(fault) = fault {
+        faults.at(name.offset(), fault);
     }
     Some(Pushes::Link(on))
 }

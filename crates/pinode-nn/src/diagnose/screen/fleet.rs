@@ -72,3 +72,59 @@ impl Screen {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::panic)]
+
+    use nalgebra::{DMatrix, DVector};
+
+    use super::super::probed::Column;
+    use super::*;
+
+    /// A delay of one sample on each of two inputs, in two windows with these scores a column, and this information.
+    fn screen(scores: [[f64; 2]; 2], information: [f64; 4]) -> Screen {
+        let column = |target| Column {
+            candidate: Candidate::named("input_delay", target),
+            neutral: vec![0.0],
+            perturbed: vec![0.02],
+            known: 0.0,
+        };
+        let mut screen = Screen {
+            ranked: Vec::new(),
+            suggested: Vec::new(),
+            columns: vec![column(0), column(1)],
+            scores: scores.map(|s| DVector::from_column_slice(&s)).to_vec(),
+            information: DMatrix::from_row_slice(2, 2, &information),
+            alone: vec![4.0; 2],
+            strain: DVector::zeros(2),
+            by_nuisance: DMatrix::zeros(0, 2),
+        };
+        screen.rank();
+        screen
+    }
+
+    #[test]
+    fn what_all_inputs_have_in_common_is_promised_by_one_shared_step() {
+        // b = (3, 5), Σ D = 4 + 2·1 + 4: x = 0.8 samples, ½ b x = 3.2; by themselves ½ 9/4 and ½ 25/4.
+        let alike = screen([[1.0, 2.0], [2.0, 3.0]], [4.0, 1.0, 1.0, 4.0]);
+        let fleets = alike.fleets();
+        let [fleet] = &fleets[..] else {
+            panic!("{fleets:?}")
+        };
+        assert!((fleet.gain - 3.2).abs() < 1e-12, "{}", fleet.gain);
+        for (target, (candidate, start)) in fleet.members.iter().enumerate() {
+            assert_eq!(*candidate, Candidate::named("input_delay", target));
+            assert!((start[0] - 0.016).abs() < 1e-12, "{start:?}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_common_where_one_input_promises_more_by_itself_or_the_other_way() {
+        let one = screen([[1.0, 0.1], [4.0, -0.1]], [4.0, 1.0, 1.0, 4.0]);
+        assert!(one.fleets().is_empty());
+        // A delay cannot be negative.
+        let early = screen([[-1.0, -2.0], [-2.0, -3.0]], [4.0, 1.0, 1.0, 4.0]);
+        assert!(early.fleets().is_empty());
+    }
+}
