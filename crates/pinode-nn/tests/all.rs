@@ -9,6 +9,7 @@ mod backlash;
 mod bad_models_and_logs;
 mod cli;
 mod contacts;
+mod conventions;
 mod data_faults;
 mod diagnose_command;
 mod end_stops;

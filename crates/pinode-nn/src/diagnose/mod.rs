@@ -19,6 +19,7 @@ mod blows;
 mod candidate;
 mod confidence;
 mod constancy;
+pub(crate) mod conventions;
 pub mod curves;
 mod experiment;
 mod found;
@@ -62,6 +63,7 @@ use std::sync::Arc;
 
 use self::audit::{Audited, Masked, second_look};
 use self::candidate::Candidate;
+use self::conventions::{AsMeant, as_meant};
 use self::curves::{Curves, ResidualForce};
 use self::kept::Kept;
 use self::last_resort::Resort;
@@ -163,7 +165,15 @@ pub(crate) fn diagnose_into(
     refuse_poses(model.mechanics.coordinates(), WORK)?;
     refuse_twice(logs, held_out)?;
     report("reading the log: noise, outliers, gaps");
-    let audited = audit::audit(model, logs, held_out);
+    let AsMeant {
+        model,
+        logs,
+        held_out,
+        faults: conventions,
+    } = as_meant(model, logs, held_out, report)?;
+    let (model, logs, held_out) = (&*model, &*logs, &*held_out);
+    let mut audited = audit::audit(model, logs, held_out);
+    audited.faults.splice(..0, conventions);
     let fit_runs = logs.iter().map(|log| log.runs.len()).sum();
     let interval = audited.observations.typical_interval();
     report("fitting the model as given");

@@ -25,9 +25,9 @@ pub const FEWEST_WINDOWS: usize = 8;
 /// More windows than this are not fitted, and a third as many not held out: those taken are spread evenly over the log.
 const MOST_WINDOWS: usize = 300;
 /// The integration step starts at or below this, s.
-const COARSEST_STEP: f64 = 5e-3;
+pub const COARSEST_STEP: f64 = 5e-3;
 /// That of stiff models.
-const STIFF_STEP: f64 = 2.5e-3;
+pub const STIFF_STEP: f64 = 2.5e-3;
 /// Samples of a period of the motion that are kept, at least.
 const SAMPLES_PER_PERIOD: f64 = 24.0;
 
@@ -185,7 +185,7 @@ fn spread_over(windows: Vec<Window>, most: usize) -> Vec<Window> {
 }
 
 /// Crossings of the middle by a position, per second and halved; a crossing counts when the motion leaves a fifth of its deviation.
-fn dominant_frequency(observations: &Observations, coordinate: usize) -> f64 {
+pub fn dominant_frequency(observations: &Observations, coordinate: usize) -> f64 {
     let mut crossings = 0;
     let mut time = 0.0;
     for run in &observations.runs {

@@ -104,28 +104,34 @@ pub struct Channels<'a> {
     pub columns: &'a ColumnMap,
 }
 
+/// Whether the velocity of each coordinate of a model is to be used, and the names of its inputs.
+fn read_for(model: &Model) -> (Vec<bool>, Vec<&str>) {
+    let sensors = model.sensors.iter();
+    let inputs = model.inputs.iter();
+    (
+        sensors.map(|s| s.velocity != Velocity::None).collect(),
+        inputs.map(|input| input.name.as_str()).collect(),
+    )
+}
+
+/// What a log of a model holds.
+fn channels<'a>(model: &'a Model, velocities: &'a [bool], inputs: &'a [&'a str]) -> Channels<'a> {
+    Channels {
+        coordinates: model.mechanics.coordinates(),
+        velocities,
+        inputs,
+        columns: &model.columns,
+    }
+}
+
 impl Log {
     /// Reads the log at `path` for `model`. Where the model writes poses by angles, the log may still have positions and quaternions.
     ///
     /// # Errors
     /// [`Error::Io`], or [`Error::Problems`] with every fault, each with its place (the first twenty, and how many more).
     pub fn read(path: &Path, model: &Model) -> Result<Log, Error> {
-        let velocities: Vec<bool> = model
-            .sensors
-            .iter()
-            .map(|sensor| sensor.velocity != Velocity::None)
-            .collect();
-        let inputs: Vec<&str> = model
-            .inputs
-            .iter()
-            .map(|input| input.name.as_str())
-            .collect();
-        let channels = Channels {
-            coordinates: model.mechanics.coordinates(),
-            velocities: &velocities,
-            inputs: &inputs,
-            columns: &model.columns,
-        };
+        let (velocities, inputs) = read_for(model);
+        let channels = channels(model, &velocities, &inputs);
         let bytes = read::bytes(path)?;
         let log = Log::parse(path, &bytes, &channels);
         let Some(poses) = Poses::of(model).filter(|_| log.is_err()) else {
@@ -159,6 +165,15 @@ impl Log {
     /// As [`read`](Self::read).
     pub fn parse(path: &Path, bytes: &[u8], channels: &Channels) -> Result<Log, Error> {
         read::parse(path, bytes, channels)
+    }
+
+    /// Where the signals of a model without poses stand in the file; as the model says where that cannot be read any more.
+    pub(crate) fn columns(&self, model: &Model) -> ColumnMap {
+        let (velocities, inputs) = read_for(model);
+        let channels = channels(model, &velocities, &inputs);
+        let bytes = read::bytes(&self.path);
+        let header = bytes.and_then(|bytes| read::header(&self.path, &bytes, &channels));
+        header.map_or_else(|_| model.columns.clone(), |(_, columns)| columns)
     }
 
     /// Whether the recordings have the columns of `model`: whether they were read for it, or for one like it.

@@ -7,7 +7,7 @@ use std::path::Path;
 use lagrange::Problem;
 
 use super::rows::refused;
-use super::{Channels, Log, csv};
+use super::{Channels, ColumnMap, Log, csv};
 use crate::Error;
 use crate::entries::q_names;
 
@@ -45,10 +45,14 @@ pub(super) fn parse(path: &Path, bytes: &[u8], channels: &Channels) -> Result<Lo
     }
 }
 
-/// The positions of `channels` that have a column in `bytes`, by the names of their signals; all in what cannot be read, which reading it tells.
-pub(super) fn positions(path: &Path, bytes: &[u8], channels: &Channels) -> Vec<String> {
+/// The names of the columns in `bytes`, and where the signals of `channels` stand in them.
+pub(super) fn header(
+    path: &Path,
+    bytes: &[u8],
+    channels: &Channels,
+) -> Result<(Vec<String>, ColumnMap), Error> {
     let mapped = |header| (header, channels.columns.clone());
-    let found = match Format::of(bytes) {
+    match Format::of(bytes) {
         Format::Csv => csv::header(path, bytes).map(mapped),
         #[cfg(feature = "parquet")]
         Format::Parquet => super::parquet::header(path, bytes).map(mapped),
@@ -58,9 +62,13 @@ pub(super) fn positions(path: &Path, bytes: &[u8], channels: &Channels) -> Vec<S
         Format::Parquet => Err(not_built(path, "Parquet", "parquet")),
         #[cfg(not(feature = "mcap"))]
         Format::Mcap => Err(not_built(path, "MCAP", "mcap")),
-    };
+    }
+}
+
+/// The positions of `channels` that have a column in `bytes`, by the names of their signals; all in what cannot be read, which reading it tells.
+pub(super) fn positions(path: &Path, bytes: &[u8], channels: &Channels) -> Vec<String> {
     let mut signals = q_names(channels.coordinates);
-    if let Ok((header, map)) = found {
+    if let Ok((header, map)) = header(path, bytes, channels) {
         signals.retain(|signal| header.contains(&map.of(signal).column));
     }
     signals

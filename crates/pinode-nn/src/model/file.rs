@@ -4,18 +4,16 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use lagrange::{Mechanics, Position, Problem, Problems};
-use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use lagrange::{Position, Problem, Problems};
+use toml::de::DeTable;
 
-use super::document::{Faults, Section, mismatch};
+use super::document::{Faults, Section};
 use super::mechanism;
 use super::networks::NetworkEntry;
-use super::{Input, Model, band, effects, inputs, massless, networks, sensor, tolerance};
+use super::{
+    Input, Model, band, effects, inputs, log_columns, massless, networks, sensor, tolerance,
+};
 use crate::Error;
-use crate::entries::{q_names, v_names};
-use crate::log::{ColumnMap, Mapping};
-use crate::naming::{hint, quoted};
 
 /// A larger model file is refused.
 const LARGEST: u64 = 16 << 20;
@@ -112,7 +110,7 @@ pub(super) fn parse(path: &Path, text: String, strict: bool) -> Result<Model, Er
     let sensors = sensor::read(&root, mechanism.as_ref(), &mut faults);
     let tolerance = tolerance::read(&root, mechanism.as_ref(), &mut faults);
     let parameter_values = tolerance::parameter_values(&root, mechanics, &mut faults);
-    let columns = columns(&root, mechanics, &named, &mut faults);
+    let columns = log_columns::read(&root, mechanics, &named, &mut faults);
     if let Some(mechanics) = mechanics {
         massless::check(&root, mechanics, &parameter_values, &mut faults);
     }
@@ -183,91 +181,4 @@ fn together(source: String, text: &str, faults: Faults, foreign: Vec<Problems>) 
         list.push(Problem::general("the mechanism cannot be read"));
     }
     Problems { source, list }
-}
-
-/// The `[log.columns]` table.
-fn columns(
-    root: &Section,
-    mechanics: Option<&dyn Mechanics>,
-    inputs: &[Input],
-    faults: &mut Faults,
-) -> ColumnMap {
-    let mut map = ColumnMap::default();
-    let Some(log) = root.section("log", "[log]", faults) else {
-        return map;
-    };
-    log.check_keys(&["columns"], faults);
-    let Some(table) = log.section("columns", "[log.columns]", faults) else {
-        return map;
-    };
-    let mut signals = vec!["t".to_owned(), "run".to_owned()];
-    let single = mechanics.map_or(&[][..], |m| m.coordinates());
-    let poses = crate::poses::with_poses(single);
-    let poses = if poses == single { &[][..] } else { &poses };
-    for coordinates in [single, poses] {
-        signals.extend(q_names(coordinates));
-        signals.extend(v_names(coordinates));
-    }
-    signals.extend(inputs.iter().map(|input| format!("u.{}", input.name)));
-    let signals: Vec<&str> = signals.iter().map(String::as_str).collect();
-    for (signal, value) in table.entries() {
-        if mechanics.is_some() && !signals.contains(&signal.value) {
-            let nested = matches!(value.get_ref(), DeValue::Table(_))
-                && ["q", "v", "u"].contains(&signal.value);
-            let cure = if nested {
-                format!("; quote the whole signal: \"{}.<name>\" = …", signal.value)
-            } else {
-                hint(signal.value, "signals", &signals)
-            };
-            faults.at(
-                signal.offset(),
-                format!("unknown signal {}{cure}", quoted(signal.value)),
-            );
-            continue;
-        }
-        map.mappings.extend(mapping(signal.value, value, faults));
-    }
-    map
-}
-
-fn mapping(signal: &str, value: &Spanned<DeValue>, faults: &mut Faults) -> Option<Mapping> {
-    let (column, scale, offset) = match value.get_ref() {
-        DeValue::String(column) => (column.to_string(), 1.0, 0.0),
-        DeValue::Table(table) => {
-            let section = Section {
-                title: format!("the column of {}", quoted(signal)),
-                table,
-                offset: value.span().start,
-            };
-            section.check_keys(&["column", "scale", "offset"], faults);
-            let column = match section.get("column") {
-                Some(_) => section.string("column", faults)?.value.to_owned(),
-                None => signal.to_owned(),
-            };
-            let scale = section.number_that("scale", "different from 0", |x| x != 0.0, faults);
-            let offset = section.number("offset", faults).map(|o| o.value);
-            (column, scale.unwrap_or(1.0), offset.unwrap_or(0.0))
-        }
-        _ => {
-            mismatch(
-                signal,
-                value,
-                "the name of a column, or { column = \"…\", scale = …, offset = … }",
-                faults,
-            );
-            return None;
-        }
-    };
-    if signal == "run" && (scale != 1.0 || offset != 0.0) {
-        faults.at(
-            value.span().start,
-            "`run` is an id: it takes no scale and no offset",
-        );
-    }
-    Some(Mapping {
-        signal: signal.to_owned(),
-        column,
-        scale,
-        offset,
-    })
 }

@@ -97,6 +97,7 @@ mod document;
 mod effects;
 mod file;
 mod inputs;
+pub(crate) mod log_columns;
 mod massless;
 mod mechanism;
 mod networks;

@@ -421,7 +421,7 @@ pub(super) fn number(x: f64) -> Value {
 }
 
 /// Sets a key; comments and spaces around an old value stay.
-fn set(table: &mut dyn TableLike, key: &str, mut value: Value) {
+pub(super) fn set(table: &mut dyn TableLike, key: &str, mut value: Value) {
     if let Some(Item::Value(old)) = table.get(key) {
         *value.decor_mut() = old.decor().clone();
         if let Some(item) = table.get_mut(key) {
@@ -432,8 +432,11 @@ fn set(table: &mut dyn TableLike, key: &str, mut value: Value) {
     }
 }
 
-/// Sets `key` in the table at `path`, which is made where it is missing.
-fn set_number(document: &mut DocumentMut, path: &[&str], key: &str, x: f64) {
+/// The table at `path`, which is made where it is missing.
+pub(super) fn table_at<'a>(
+    document: &'a mut DocumentMut,
+    path: &[&str],
+) -> Option<&'a mut dyn TableLike> {
     let mut table: &mut dyn TableLike = document.as_table_mut();
     for (depth, name) in path.iter().enumerate() {
         if !table.contains_key(name) {
@@ -442,12 +445,16 @@ fn set_number(document: &mut DocumentMut, path: &[&str], key: &str, x: f64) {
             new.set_implicit(depth + 1 < path.len());
             table.insert(name, Item::Table(new));
         }
-        let Some(next) = table.get_mut(name).and_then(Item::as_table_like_mut) else {
-            return;
-        };
-        table = next;
+        table = table.get_mut(name).and_then(Item::as_table_like_mut)?;
     }
-    set(table, key, number(x));
+    Some(table)
+}
+
+/// Sets `key` in the table at `path`, which is made where it is missing.
+fn set_number(document: &mut DocumentMut, path: &[&str], key: &str, x: f64) {
+    if let Some(table) = table_at(document, path) {
+        set(table, key, number(x));
+    }
 }
 
 /// `[[key]]`, made where it is missing; an inline array of tables becomes one.

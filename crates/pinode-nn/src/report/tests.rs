@@ -553,7 +553,17 @@ fn every_verdict_is_a_sentence() {
         verdict_in_words(&d),
         "The data are at fault, not the model: outliers in `q.pole`. Without what is faulty the model explains the data."
     );
+    let faults = d.data_faults.clone();
+    d.data_faults[0].kind = "convention".into();
+    assert_eq!(
+        verdict_in_words(&d),
+        "The log counts otherwise than the model in `q.pole`. Read as it is meant, the model explains it."
+    );
     d.verdict = Verdict::EffectsFound;
+    let said = verdict_in_words(&d);
+    let first = "The log counts otherwise than the model in `q.pole`: it was read as it is meant. Coulomb friction";
+    assert!(said.starts_with(first), "{said}");
+    d.data_faults = faults;
     d.effects[0].beside_fixed = true;
     assert!(
         verdict_in_words(&d)

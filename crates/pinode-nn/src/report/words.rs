@@ -1,6 +1,7 @@
 //! Numbers and verdicts as people say them.
 
 use crate::diagnose::audit::contradicts;
+use crate::diagnose::conventions::CONVENTION;
 use crate::diagnose::verdict::{DOUBTFUL, Diagnosis, Gap, NamedEffect, ParameterValue, Verdict};
 use crate::digits::{exponent, fixed, is_plain};
 pub use crate::digits::{number, short, uncertain};
@@ -67,6 +68,14 @@ pub fn verdict(diagnosis: &Diagnosis) -> String {
         ),
         Verdict::Unexplained => unexplained(diagnosis),
         Verdict::DataFault => data_fault(diagnosis),
+    };
+    let said = match otherwise(diagnosis).as_slice() {
+        [] => said,
+        _ if diagnosis.verdict == Verdict::DataFault => said,
+        columns => format!(
+            "The log counts otherwise than the model in {}: it was read as it is meant. {said}",
+            columns.join(", ")
+        ),
     };
     match gap(&diagnosis.gap) {
         Some(gap) => format!("{said} {gap}"),
@@ -194,7 +203,21 @@ fn unexplained(diagnosis: &Diagnosis) -> String {
     }
 }
 
+/// The columns that count otherwise than the model.
+fn otherwise(diagnosis: &Diagnosis) -> Vec<String> {
+    let faults = diagnosis.data_faults.iter();
+    let own = faults.filter(|fault| fault.kind == CONVENTION);
+    own.map(|fault| format!("`{}`", fault.column)).collect()
+}
+
 fn data_fault(diagnosis: &Diagnosis) -> String {
+    let columns = otherwise(diagnosis);
+    if !columns.is_empty() {
+        return format!(
+            "The log counts otherwise than the model in {}. Read as it is meant, the model explains it.",
+            columns.join(", ")
+        );
+    }
     let all = &diagnosis.data_faults;
     let Some(first) = all.iter().find(|f| contradicts(f)).or(all.first()) else {
         return "The data are at fault, not the model.".to_owned();

@@ -15,6 +15,7 @@ mod unlogged_force;
 
 use std::ops::Range;
 
+use super::conventions::CONVENTION;
 use super::setup::WINDOW_S;
 use super::smooth::unwrapped;
 use super::verdict::DataFault;
@@ -323,6 +324,7 @@ fn noise_fault(
 /// Whether a fault is one that no model of the mechanism could explain, and not the odd bad reading that every log has.
 pub fn contradicts(fault: &DataFault) -> bool {
     [
+        CONVENTION,
         "dead_start",
         "blind_zone",
         "unlogged_force",

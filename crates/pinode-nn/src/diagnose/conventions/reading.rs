@@ -1,0 +1,193 @@
+//! Ways in which a log may count: how its signals are read, what that is in words, and what a model file says of it.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use crate::entries::{q_names, v_names};
+use crate::log::{ColumnMap, Log, Mapping, Run};
+use crate::model::Model;
+use crate::naming::quoted;
+
+const DEGREE: f64 = PI / 180.0;
+const MILLIMETRE: f64 = 1e-3;
+const CENTIMETRE: f64 = 1e-2;
+
+/// What moves further than this in a log, rad or m, may be in smaller units.
+const FAR: (f64, f64) = (2.0 * PI, 2.0);
+
+/// A signal of the model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Signal {
+    Coordinate(usize),
+    Input(usize),
+}
+
+/// How a signal is read: scale · (that signal `from` of the log) + offset.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reading {
+    pub signal: Signal,
+    pub from: usize,
+    pub scale: f64,
+    pub offset: f64,
+}
+
+/// One thing that may be otherwise in a log: one reading, or the two of signals that are exchanged.
+pub type Change = Vec<Reading>;
+
+impl Reading {
+    fn of(signal: Signal, scale: f64, offset: f64) -> Self {
+        let (Signal::Coordinate(from) | Signal::Input(from)) = signal;
+        Reading {
+            signal,
+            from,
+            scale,
+            offset,
+        }
+    }
+
+    fn reads(&self, column: &[f64]) -> Vec<f64> {
+        let read = |x: &f64| self.scale * x + self.offset;
+        column.iter().map(read).collect()
+    }
+
+    /// Where the signal stands in a log whose own signals stand where `columns` says.
+    fn mapping(&self, names: impl Fn(usize) -> String, columns: &ColumnMap) -> Mapping {
+        let (Signal::Coordinate(own) | Signal::Input(own)) = self.signal;
+        let old = columns.of(&names(self.from));
+        Mapping {
+            signal: names(own),
+            column: old.column,
+            scale: self.scale * old.scale,
+            offset: self.scale * old.offset + self.offset,
+        }
+    }
+}
+
+/// The two signals exchanged.
+fn exchanged(signal: fn(usize) -> Signal, i: usize, j: usize) -> Change {
+    let reading = |own, from| Reading {
+        from,
+        ..Reading::of(signal(own), 1.0, 0.0)
+    };
+    vec![reading(i, j), reading(j, i)]
+}
+
+/// All that may be otherwise by itself in the log of a model whose coordinates go as far as `ranges` there; what is most usual first.
+pub fn changes(model: &Model, ranges: &[f64]) -> Vec<Change> {
+    let coordinates = model.mechanics.coordinates();
+    let mut all: Vec<Change> = Vec::new();
+    for (c, coordinate) in coordinates.iter().enumerate() {
+        let (far, units, zeros) = match coordinate.angular {
+            true => (FAR.0, &[DEGREE][..], &[0.0, PI, FRAC_PI_2, -FRAC_PI_2][..]),
+            false => (FAR.1, &[MILLIMETRE, CENTIMETRE][..], &[0.0][..]),
+        };
+        let units = units.iter().filter(|_| ranges[c] > far);
+        for unit in std::iter::once(&1.0).chain(units) {
+            for offset in zeros {
+                for scale in [*unit, -unit] {
+                    if (scale, *offset) != (1.0, 0.0) {
+                        all.push(vec![Reading::of(Signal::Coordinate(c), scale, *offset)]);
+                    }
+                }
+            }
+        }
+    }
+    all.extend((0..model.inputs.len()).map(|i| vec![Reading::of(Signal::Input(i), -1.0, 0.0)]));
+    for (j, second) in coordinates.iter().enumerate() {
+        let like = coordinates[..j].iter().enumerate();
+        let like = like.filter(|(_, first)| first.angular == second.angular);
+        all.extend(like.map(|(i, _)| exchanged(Signal::Coordinate, i, j)));
+    }
+    for j in 0..model.inputs.len() {
+        all.extend((0..j).map(|i| exchanged(Signal::Input, i, j)));
+    }
+    all
+}
+
+/// The signals of a log, read by these readings where they are of them: positions, velocities and inputs.
+pub fn read(readings: &[Reading], run: &Run) -> Run {
+    let mut read = run.clone();
+    for reading in readings {
+        match reading.signal {
+            Signal::Coordinate(c) => {
+                read.q[c] = reading.reads(&run.q[reading.from]);
+                let rates = Reading {
+                    offset: 0.0,
+                    ..*reading
+                };
+                read.v[c] = run.v[reading.from].as_deref().map(|v| rates.reads(v));
+            }
+            Signal::Input(i) => read.u[i] = reading.reads(&run.u[reading.from]),
+        }
+    }
+    read
+}
+
+/// Where the signals stand that a reading reads, for a log whose own stand where `columns` says: a coordinate, and its velocity where the log has that.
+pub fn mappings(
+    reading: &Reading,
+    model: &Model,
+    (log, columns): (&Log, &ColumnMap),
+) -> Vec<Mapping> {
+    let coordinates = model.mechanics.coordinates();
+    match reading.signal {
+        Signal::Coordinate(_) => {
+            let (q, v) = (q_names(coordinates), v_names(coordinates));
+            let rates = Reading {
+                offset: 0.0,
+                ..*reading
+            };
+            let has_rates = log.runs.iter().all(|run| run.v[reading.from].is_some());
+            let of_rates = || rates.mapping(|k| v[k].clone(), columns);
+            let of_position = reading.mapping(|k| q[k].clone(), columns);
+            std::iter::once(of_position)
+                .chain(has_rates.then(of_rates))
+                .collect()
+        }
+        Signal::Input(_) => {
+            let name = |k: usize| format!("u.{}", model.inputs[k].name);
+            vec![reading.mapping(name, columns)]
+        }
+    }
+}
+
+/// The signal of a reading as a log calls it.
+pub fn name(reading: &Reading, model: &Model) -> String {
+    match reading.signal {
+        Signal::Coordinate(c) => q_names(model.mechanics.coordinates())[c].clone(),
+        Signal::Input(i) => format!("u.{}", model.inputs[i].name),
+    }
+}
+
+/// Such as “`q.pole` is in degrees and counts the other way round”.
+pub fn words(reading: &Reading, model: &Model) -> String {
+    let (Signal::Coordinate(own) | Signal::Input(own)) = reading.signal;
+    let mut said: Vec<String> = Vec::new();
+    if reading.from != own {
+        let other = match reading.signal {
+            Signal::Coordinate(_) => Signal::Coordinate(reading.from),
+            Signal::Input(_) => Signal::Input(reading.from),
+        };
+        let other = name(&Reading::of(other, 1.0, 0.0), model);
+        said.push(format!("stands in the place of {}", quoted(&other)));
+    }
+    for (unit, plural) in [
+        (DEGREE, "degrees"),
+        (MILLIMETRE, "millimetres"),
+        (CENTIMETRE, "centimetres"),
+    ] {
+        if reading.scale.abs() == unit {
+            said.push(format!("is in {plural}"));
+        }
+    }
+    if reading.scale < 0.0 {
+        said.push("counts the other way round".to_owned());
+    }
+    if reading.offset != 0.0 {
+        let part = match reading.offset == PI {
+            true => "half",
+            false => "a quarter of",
+        };
+        said.push(format!("begins {part} a turn away"));
+    }
+    format!("{} {}", quoted(&name(reading, model)), said.join(" and "))
+}

@@ -1,0 +1,175 @@
+#![allow(clippy::unwrap_used)]
+
+use std::path::Path;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::*;
+use crate::log::Channels;
+
+const CART: f64 = 0.6;
+const BOB: f64 = 0.15;
+const LENGTH: f64 = 0.4;
+const NOISE: (f64, f64) = (5e-4, 1e-3);
+
+/// (x, φ from hanging, ẋ, φ̇) after 20 ms under a force on the cart, which rubs.
+fn after(state: [f64; 4], force: f64, rubbing: f64) -> [f64; 4] {
+    let rates = |s: [f64; 4]| {
+        let (sin, cos) = s[1].sin_cos();
+        let pull = force - rubbing * s[2] + BOB * sin * (LENGTH * s[3] * s[3] + 9.81 * cos);
+        let a = pull / (CART + BOB * sin * sin);
+        [s[2], s[3], a, -(a * cos + 9.81 * sin) / LENGTH]
+    };
+    let h = 1e-3;
+    let ahead = |s: [f64; 4], h: f64, k: [f64; 4]| std::array::from_fn(|i| s[i] + h * k[i]);
+    (0..20).fold(state, |s, _| {
+        let a = rates(s);
+        let b = rates(ahead(s, h / 2.0, a));
+        let c = rates(ahead(s, h / 2.0, b));
+        let d = rates(ahead(s, h, c));
+        std::array::from_fn(|i| s[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]))
+    })
+}
+
+/// 20 s of x, φ and the force that a spring with a random will makes.
+fn recording(rubbing: f64) -> Vec<[f64; 3]> {
+    let mut rng = ChaCha8Rng::seed_from_u64(4);
+    let (mut state, mut will) = ([0.0, 0.5, 0.0, 0.0], 0.0);
+    let mut rows = Vec::new();
+    for k in 0..1000 {
+        if k % 12 == 0 {
+            will = rng.random_range(-4.0..4.0);
+        }
+        let force = will - 8.0 * state[0] - 1.5 * state[2];
+        let mut noise = |size: f64| size * rng.random_range(-1.7..1.7);
+        rows.push([state[0] + noise(NOISE.0), state[1] + noise(NOISE.1), force]);
+        state = after(state, force, rubbing);
+    }
+    rows
+}
+
+/// The log of these columns for the model.
+fn log(model: &Model, rows: &[[f64; 3]], as_logged: impl Fn([f64; 3]) -> [f64; 3]) -> Log {
+    let mut text = "t,q.x,q.phi,u.motor\n".to_owned();
+    for (k, row) in rows.iter().enumerate() {
+        let [x, phi, u] = as_logged(*row);
+        text += &format!("{:.2},{x},{phi},{u}\n", k as f64 * 0.02);
+    }
+    let channels = Channels {
+        coordinates: model.mechanics.coordinates(),
+        velocities: &[false, false],
+        inputs: &["motor"],
+        columns: &model.columns,
+    };
+    Log::parse(Path::new("log.csv"), text.as_bytes(), &channels).unwrap()
+}
+
+fn model() -> Model {
+    let text = format!(
+        "lagrangian = {{ coordinates = [\"x\", \"phi\"], angles = [\"phi\"], \
+         kinetic = \"0.5*{total}*x_dot^2 + {swing}*x_dot*phi_dot*cos(phi) + {turn}*phi_dot^2\", potential = \"-{weight}*cos(phi)\" }}\n\
+         [[input]]\nname = \"motor\"\njoint = \"x\"\n",
+        total = CART + BOB,
+        swing = BOB * LENGTH,
+        turn = 0.5 * BOB * LENGTH * LENGTH,
+        weight = BOB * 9.81 * LENGTH,
+    );
+    Model::parse(Path::new("cart.toml"), text).unwrap()
+}
+
+/// What is changed, as the model's file has it.
+fn found(model: &Model, log: &Log) -> Vec<String> {
+    let logs = [log.clone()];
+    let meant = as_meant(model, &logs, &[], &|_| ()).unwrap();
+    assert!(meant.faults.iter().all(|f| f.kind == CONVENTION));
+    let mappings = meant.model.columns.mappings.iter();
+    let written: Vec<String> = mappings
+        .map(|m| format!("{} = {}", m.signal, value(m)))
+        .collect();
+    assert_eq!(written.len(), meant.faults.len());
+    written
+}
+
+#[test]
+fn signs_zeros_and_units_are_read_as_they_are_meant_beside_friction_that_is_missing_or_not() {
+    let model = model();
+    for rubbing in [0.0, 0.8] {
+        let rows = recording(rubbing);
+        let as_they_are = log(&model, &rows, |row| row);
+        assert_eq!(found(&model, &as_they_are), [""; 0]);
+        let degrees = 180.0 / std::f64::consts::PI;
+        let check = |as_logged: &dyn Fn([f64; 3]) -> [f64; 3], expected: &str| {
+            assert_eq!(found(&model, &log(&model, &rows, as_logged)), [expected]);
+        };
+        check(
+            &|[x, phi, u]| [x, -phi, u],
+            "q.phi = { column = \"q.phi\", scale = -1.0 }",
+        );
+        check(
+            &|[x, phi, u]| [x, phi - std::f64::consts::PI, u],
+            "q.phi = { column = \"q.phi\", scale = 1.0, offset = 3.141592653589793 }",
+        );
+        check(
+            &|[x, phi, u]| [x, degrees * phi, u],
+            "q.phi = { column = \"q.phi\", scale = 0.017453292519943295 }",
+        );
+        check(
+            &|[x, phi, u]| [-1000.0 * x, phi, u],
+            "q.x = { column = \"q.x\", scale = -0.001 }",
+        );
+    }
+}
+
+/// A mirror turns cart, pendulum and motor round: a log in which all three have another sign is right.
+#[test]
+fn two_signals_are_wrong_at_once_or_all_of_them() {
+    let model = model();
+    let rows = recording(0.3);
+    let both = log(&model, &rows, |[x, phi, u]| {
+        [1000.0 * x, phi.to_degrees(), u]
+    });
+    let columns = found(&model, &both);
+    assert_eq!(columns.len(), 2, "{columns:?}");
+    let logs = [log(&model, &rows, |[x, phi, u]| [-x, phi, u])];
+    let meant = as_meant(&model, &logs, &[], &|_| ()).unwrap();
+    let [fault] = &meant.faults[..] else {
+        panic!("{:?}", meant.faults)
+    };
+    assert_eq!(fault.column, "q.x");
+    // All signs at once are right again.
+    let mirrored = log(&model, &rows, |row| row.map(|x| -x));
+    assert_eq!(found(&model, &mirrored), [""; 0]);
+}
+
+/// Its motor alone acts the other way round: that is an effect, which the search finds.
+#[test]
+fn a_motor_that_acts_the_other_way_round_is_left_to_the_search() {
+    let model = model();
+    let reversed = log(&model, &recording(0.3), |[x, phi, u]| [x, phi, -u]);
+    assert_eq!(found(&model, &reversed), [""; 0]);
+}
+
+#[test]
+fn a_reading_comes_after_what_the_model_says_of_the_columns() {
+    let model = model();
+    let given = crate::log::Mapping {
+        signal: "q.phi".into(),
+        column: "angle".into(),
+        scale: 2.0,
+        offset: 0.5,
+    };
+    let known = model.with_columns(&[given]).unwrap();
+    let log = log(&model, &recording(0.0), |row| row);
+    let turned = Reading {
+        signal: Signal::Coordinate(1),
+        from: 1,
+        scale: -1.0,
+        offset: 1.0,
+    };
+    let mappings = mappings(&turned, &known, (&log, &known.columns));
+    assert_eq!(mappings.len(), 1);
+    assert_eq!((mappings[0].scale, mappings[0].offset), (-2.0, 0.5));
+    let again = known.with_columns(&mappings).unwrap();
+    assert_eq!(again.columns.mappings, mappings);
+}
