@@ -88,12 +88,7 @@ pub fn prepare(
             needed,
         });
     }
-    let wraps: Vec<bool> = hybrid
-        .mechanics()
-        .coordinates()
-        .iter()
-        .map(|c| c.wraps)
-        .collect();
+    let wraps = hybrid.wraps();
     let smoothed: Vec<Smoothed> = observations
         .runs
         .iter()

@@ -574,6 +574,12 @@ impl Hybrid {
         self.space.first.positions.tangent_dim()
     }
 
+    /// Which coordinates are angles on the circle.
+    pub fn wraps(&self) -> Vec<bool> {
+        let coordinates = self.mechanics.coordinates().iter();
+        coordinates.map(|c| c.wraps).collect()
+    }
+
     /// Number of states of effects with a memory.
     pub fn nh(&self) -> usize {
         self.space.second.dim()

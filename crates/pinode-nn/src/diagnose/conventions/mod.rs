@@ -339,12 +339,7 @@ impl<'a> Looking<'a> {
     /// What the model leaves of each coordinate where the log is read so, over what the straight line does. Infinite where roll-outs diverge.
     fn shares(&self, readings: &[Reading]) -> Vec<f64> {
         let hybrid = &self.hybrid;
-        let wraps: Vec<bool> = hybrid
-            .mechanics()
-            .coordinates()
-            .iter()
-            .map(|c| c.wraps)
-            .collect();
+        let wraps = hybrid.wraps();
         let windows = self.windows.iter().map(|run| read(readings, run));
         let windows: Vec<Run> = windows.collect();
         let sizes: Vec<[f64; 2]> = (0..wraps.len())
