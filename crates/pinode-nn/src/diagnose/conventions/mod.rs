@@ -280,15 +280,18 @@ impl<'a> Looking<'a> {
             let score = |t: &Tried| self.score(&t.left);
             let least = tried.iter().map(score).fold(f64::INFINITY, f64::min);
             tried.retain(|t| score(t) < least + AS_GOOD.ln());
+            // An input that acts the other way round is an effect, which the search finds.
+            let is_reversed = |r: &Reading| matches!(r.signal, Signal::Input(_)) && r.scale < 0.0;
+            if tried.iter().any(|t| t.readings.iter().all(is_reversed)) {
+                return None;
+            }
             let Some(best) = tried.first().cloned() else {
                 break;
             };
             others = tried.drain(1..).map(|t| t.readings).collect();
             (readings, left) = (best.readings, best.left);
         }
-        // An input that acts the other way round is an effect that the search finds.
-        let is_reversed = |r: &Reading| matches!(r.signal, Signal::Input(_)) && r.scale < 0.0;
-        if readings.iter().all(is_reversed) {
+        if readings.is_empty() {
             return None;
         }
         Some(Otherwise {
