@@ -142,6 +142,52 @@ fn two_signals_are_wrong_at_once_or_all_of_them() {
     assert_eq!(found(&model, &mirrored), [""; 0]);
 }
 
+/// Two blocks of 1 and 0.4 kg on a rail with a spring of 30 N/m between them, each pushed by a motor of its own.
+#[test]
+fn exchanged_coordinates_and_exchanged_inputs_are_read_as_they_are_meant() {
+    let text = "lagrangian = { coordinates = [\"a\", \"b\"], kinetic = \"0.5*a_dot^2 + 0.2*b_dot^2\", potential = \"15*(a - b)^2\" }\n\
+                [[input]]\nname = \"left\"\njoint = \"a\"\n[[input]]\nname = \"right\"\njoint = \"b\"\n";
+    let model = Model::parse(Path::new("blocks.toml"), text.to_owned()).unwrap();
+    let mut rng = ChaCha8Rng::seed_from_u64(8);
+    let (mut x, mut v, mut will) = ([0.0; 2], [0.0; 2], [0.0; 2]);
+    let mut rows = Vec::new();
+    for k in 0..1000 {
+        if k % 10 == 0 {
+            will = std::array::from_fn(|_| rng.random_range(-3.0..3.0));
+        }
+        // A weak hold keeps them on the table.
+        let force: [f64; 2] = std::array::from_fn(|i| will[i] - 4.0 * x[i] - v[i]);
+        let read = x.map(|x| x + rng.random_range(-1e-3..1e-3));
+        rows.push([read[0], read[1], force[0], force[1]]);
+        for _ in 0..200 {
+            let h = 1e-4;
+            let pull = 30.0 * (x[0] - x[1]);
+            v[0] += h * (force[0] - pull);
+            v[1] += h * (force[1] + pull) / 0.4;
+            x = std::array::from_fn(|i| x[i] + h * v[i]);
+        }
+    }
+    let log = |order: [usize; 4]| {
+        let mut text = "t,q.a,q.b,u.left,u.right\n".to_owned();
+        for (k, row) in rows.iter().enumerate() {
+            let [a, b, left, right] = order.map(|i| row[i]);
+            text += &format!("{:.2},{a},{b},{left},{right}\n", k as f64 * 0.02);
+        }
+        let channels = Channels {
+            coordinates: model.mechanics.coordinates(),
+            velocities: &[false, false],
+            inputs: &["left", "right"],
+            columns: &model.columns,
+        };
+        Log::parse(Path::new("log.csv"), text.as_bytes(), &channels).unwrap()
+    };
+    assert_eq!(found(&model, &log([0, 1, 2, 3])), [""; 0]);
+    let blocks = ["q.a = \"q.b\"", "q.b = \"q.a\""];
+    assert_eq!(found(&model, &log([1, 0, 2, 3])), blocks);
+    let motors = ["u.left = \"u.right\"", "u.right = \"u.left\""];
+    assert_eq!(found(&model, &log([0, 1, 3, 2])), motors);
+}
+
 /// Its motor alone acts the other way round: that is an effect, which the search finds.
 #[test]
 fn a_motor_that_acts_the_other_way_round_is_left_to_the_search() {
