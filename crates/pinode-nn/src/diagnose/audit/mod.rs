@@ -25,8 +25,8 @@ use crate::shooting::{Channel, Observations, ObservedRun};
 
 pub use excitation::excitation;
 pub use masked::Masked;
-use noise::{Readings, is_difference};
-pub use noise::{median, noise};
+use noise::is_difference;
+pub use noise::{Readings, median, noise};
 pub use second_look::second_look;
 use slips::{Slip, Slipped};
 

@@ -71,8 +71,15 @@ fn exchanged(signal: fn(usize) -> Signal, i: usize, j: usize) -> Change {
     vec![reading(i, j), reading(j, i)]
 }
 
-/// All that may be otherwise by itself in the log of a model whose coordinates go as far as `ranges` there; what is most usual first.
-pub fn changes(model: &Model, ranges: &[f64]) -> Vec<Change> {
+/// How far a coordinate goes in some logs.
+fn range(logs: &[Log], c: usize) -> f64 {
+    let runs = || logs.iter().flat_map(|log| &log.runs);
+    let q = || runs().flat_map(|run| &run.q[c]).copied();
+    q().fold(f64::NEG_INFINITY, f64::max) - q().fold(f64::INFINITY, f64::min)
+}
+
+/// All that may be otherwise by itself in the logs of a model; what is most usual first.
+pub fn changes(model: &Model, logs: &[Log]) -> Vec<Change> {
     let coordinates = model.mechanics.coordinates();
     let mut all: Vec<Change> = Vec::new();
     for (c, coordinate) in coordinates.iter().enumerate() {
@@ -80,7 +87,8 @@ pub fn changes(model: &Model, ranges: &[f64]) -> Vec<Change> {
             true => (FAR.0, &[DEGREE][..], &[0.0, PI, FRAC_PI_2, -FRAC_PI_2][..]),
             false => (FAR.1, &[MILLIMETRE, CENTIMETRE][..], &[0.0][..]),
         };
-        let units = units.iter().filter(|_| ranges[c] > far);
+        let is_far = range(logs, c) > far;
+        let units = units.iter().filter(|_| is_far);
         for unit in std::iter::once(&1.0).chain(units) {
             for offset in zeros {
                 for scale in [*unit, -unit] {
@@ -101,6 +109,23 @@ pub fn changes(model: &Model, ranges: &[f64]) -> Vec<Change> {
         all.extend((0..j).map(|i| exchanged(Signal::Input, i, j)));
     }
     all
+}
+
+/// The readings with all signs turned round: what these leave as it is too, and nothing of what is then as it is.
+pub fn mirrored(model: &Model, readings: &[Reading]) -> Vec<Reading> {
+    let coordinates = (0..model.mechanics.coordinates().len()).map(Signal::Coordinate);
+    let signals = coordinates.chain((0..model.inputs.len()).map(Signal::Input));
+    let read = |signal| {
+        let known = readings.iter().find(|r| r.signal == signal).copied();
+        let reading = known.unwrap_or(Reading::of(signal, 1.0, 0.0));
+        Reading {
+            scale: -reading.scale,
+            offset: -reading.offset,
+            ..reading
+        }
+    };
+    let is_other = |r: &Reading| *r != Reading::of(r.signal, 1.0, 0.0);
+    signals.map(read).filter(is_other).collect()
 }
 
 /// The signals of a log, read by these readings where they are of them: positions, velocities and inputs.
@@ -183,7 +208,7 @@ pub fn words(reading: &Reading, model: &Model) -> String {
         said.push("counts the other way round".to_owned());
     }
     if reading.offset != 0.0 {
-        let part = match reading.offset == PI {
+        let part = match reading.offset.abs() == PI {
             true => "half",
             false => "a quarter of",
         };

@@ -137,6 +137,8 @@ fn two_signals_are_wrong_at_once_or_all_of_them() {
         panic!("{:?}", meant.faults)
     };
     assert_eq!(fault.column, "q.x");
+    let other = "as well: `q.phi` counts the other way round, `u.motor` counts the other way round";
+    assert!(fault.detail.contains(other), "{}", fault.detail);
     // All signs at once are right again.
     let mirrored = log(&model, &rows, |row| row.map(|x| -x));
     assert_eq!(found(&model, &mirrored), [""; 0]);
