@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::path::Path;
 
+use pinode_nn::Error;
 use pinode_nn::diagnose::diagnose;
 use pinode_nn::diagnose::verdict::{Diagnosis, Verdict};
 use pinode_nn::log::{Log, Mapping};
@@ -101,4 +102,32 @@ fn what_is_missing_is_found_behind_another_way_to_count() {
         "{coefficient:?}"
     );
     assert_eq!(found.data_faults[0].kind, "convention");
+}
+
+#[test]
+fn a_log_that_was_read_for_another_model_is_refused_by_its_columns() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("log.csv");
+    std::fs::write(&path, from_the_top_in_degrees(0.0)).unwrap();
+    let parse = |more: &str| {
+        let text = format!(
+            "lagrangian = {{ coordinates = [\"phi\"], angles = [\"phi\"], kinetic = \"0.5*phi_dot^2\", potential = \"0\" }}\n\
+             {more}\n[log.columns]\n\"q.phi\" = \"angle\"\n"
+        );
+        Model::parse(Path::new("model.toml"), text).unwrap()
+    };
+    let without_input = parse("");
+    let log = Log::read(&path, &without_input).unwrap();
+    let with_input = parse("[[input]]\nname = \"motor\"\njoint = \"phi\"");
+    let refused = diagnose(&with_input, &[log], &[], dir.path(), 0, &|_| ());
+    let Err(Error::OtherModel {
+        what,
+        found,
+        expected,
+        ..
+    }) = refused
+    else {
+        panic!("it was taken")
+    };
+    assert_eq!((what, found, expected), ("inputs", 0, 1));
 }

@@ -107,7 +107,7 @@ pub struct Outcome {
 /// The same seed gives the same result, bit for bit, for any number of threads.
 ///
 /// # Errors
-/// [`Error::Floating`] when a coordinate is the pose of a floating body; [`Error::SameLog`] when a log is given twice; [`Error::TooShort`] when the logs hold too few windows; [`Error::TooCoarse`] when their samples are too far apart; [`Error::Unfittable`] when the model as given cannot be simulated over
+/// [`Error::Floating`] when a coordinate is the pose of a floating body; [`Error::SameLog`] when a log is given twice; [`Error::OtherModel`] when one was read for another model; [`Error::TooShort`] when the logs hold too few windows; [`Error::TooCoarse`] when their samples are too far apart; [`Error::Unfittable`] when the model as given cannot be simulated over
 /// them; what [`Model::write_revision`] and [`Model::load`] return.
 pub fn diagnose(
     model: &Model,
@@ -164,6 +164,8 @@ pub(crate) fn diagnose_into(
 ) -> Result<Outcome, Error> {
     refuse_poses(model.mechanics.coordinates(), WORK)?;
     refuse_twice(logs, held_out)?;
+    let mut all = logs.iter().chain(held_out);
+    all.try_for_each(|log| log.check(model))?;
     report("reading the log: noise, outliers, gaps");
     let AsMeant {
         model,

@@ -1,0 +1,270 @@
+//! What a model leaves of some short windows of a log that are read in some way.
+
+use super::reading::{Reading, read};
+use crate::diagnose::audit::{Readings, median, noise};
+use crate::diagnose::setup::{COARSEST_STEP, STIFF_STEP, WINDOW_S, dominant_frequency};
+use crate::diagnose::smooth::{polynomial, smooth, unwrapped};
+use crate::effect::registry;
+use crate::hybrid::{Hybrid, Placed};
+use crate::log::{Log, Run};
+use crate::model::Model;
+use crate::poses::Poses;
+use crate::shooting::{
+    Channel, FitOptions, HiddenPrior, Observations, ObservedRun, Window, consecutive, fit,
+};
+
+/// So many windows are looked at, and no fewer, …
+const WINDOWS: usize = 12;
+const FEWEST_WINDOWS: usize = 4;
+/// … of about so many samples at most, and no fewer: the noise takes seven readings to see.
+const SAMPLES: f64 = 60.0;
+const FEWEST_SAMPLES: usize = 8;
+/// Iterations of a fit, of the initial states and of all.
+const ITERATIONS: (usize, usize) = (3, 4);
+/// A coordinate moves where it is off a straight line by so many times its noise.
+const MOVES: f64 = 10.0;
+/// A share of less than this is none.
+pub const NONE: f64 = 0.02;
+/// Of friction that is no sign change.
+const SMOOTHING: f64 = 0.01;
+
+/// Some short windows of a log, and the model that is compared with them.
+pub struct Windows {
+    hybrid: Hybrid,
+    wraps: Vec<bool>,
+    /// A recording each.
+    runs: Vec<Run>,
+    /// Half width of the smoothing, s.
+    half_width: f64,
+    substeps: usize,
+    /// Which coordinates move.
+    moving: Vec<bool>,
+}
+
+impl Windows {
+    /// `None` where there is too little to look at, and where columns are of poses.
+    pub fn of(model: &Model, logs: &[Log]) -> Option<Self> {
+        let coordinates = model.mechanics.coordinates();
+        if Poses::of(model).is_some() || coordinates.iter().any(|c| c.floating) {
+            return None;
+        }
+        let hybrid = rubbing(model);
+        let nv = coordinates.len();
+        let logged = logs.iter().flat_map(|log| &log.runs);
+        let observations = Observations {
+            channels: channels(nv, |_| (false, 0.0)),
+            runs: logged.map(observed).collect(),
+        };
+        let frequency = (0..nv).map(|c| dominant_frequency(&observations, c));
+        let frequency = frequency.fold(0.0, f64::max);
+        let length = WINDOW_S.min(5.0 / frequency);
+        let observations = observations.thinned(length / SAMPLES);
+        let coarsest = match hybrid.is_stiff() {
+            true => STIFF_STEP,
+            false => COARSEST_STEP,
+        };
+        let substeps = (observations.typical_interval() / coarsest).ceil() as usize;
+        let all = cut(&observations, length);
+        // Windows in which nothing happens tell nothing: the half with more motion, evenly.
+        let off = |run: &Run| -> f64 { run.q.iter().map(|q| off_line(&run.t, q)).sum() };
+        let motion: Vec<f64> = all.iter().map(off).collect();
+        let typical = middle(motion.iter().copied());
+        let lively = all.iter().zip(motion).filter(|(_, off)| *off >= typical);
+        let lively: Vec<&Run> = lively.map(|(run, _)| run).collect();
+        let count = lively.len().min(WINDOWS);
+        let taken = (0..count).map(|k| lively[k * lively.len() / count].clone());
+        let runs: Vec<Run> = taken.collect();
+        // Jumps by a turn are no motion; nor are they there in degrees.
+        let moves = |c: usize| {
+            let of = |wraps: bool| Sizes::of(&runs, c, wraps);
+            let off = |sizes: Sizes| sizes.off_line > MOVES * sizes.noise;
+            off(of(false)) || (coordinates[c].angular && off(of(true)))
+        };
+        let moving = (0..nv).map(moves).collect();
+        (count >= FEWEST_WINDOWS).then(|| Windows {
+            moving,
+            half_width: 0.06_f64.min(0.15 / frequency),
+            substeps: substeps.max(1),
+            wraps: hybrid.wraps(),
+            hybrid,
+            runs,
+        })
+    }
+
+    /// What the model leaves of each coordinate where the log is read so, over what the straight line does. Infinite where roll-outs diverge.
+    pub fn shares(&self, readings: &[Reading]) -> Vec<f64> {
+        let hybrid = &self.hybrid;
+        let runs = self.runs.iter().map(|run| read(readings, run));
+        let runs: Vec<Run> = runs.collect();
+        let sizes = self.wraps.iter().enumerate();
+        let sizes: Vec<Sizes> = sizes
+            .map(|(c, wraps)| Sizes::of(&runs, c, *wraps))
+            .collect();
+        let of_channel = |c: usize| (self.wraps[c], NONE * sizes[c].off_line);
+        let observations = Observations {
+            channels: channels(self.wraps.len(), of_channel),
+            runs: runs.iter().map(observed).collect(),
+        };
+        let theta = hybrid.theta();
+        let start = |run: &ObservedRun| {
+            let mut state = smooth(run, &self.wraps, self.half_width).state(0);
+            hybrid.keep_before_stops(&theta, &mut state);
+            state.resize(hybrid.nx(), 0.0);
+            state
+        };
+        let starts: Vec<Vec<f64>> = observations.runs.iter().map(start).collect();
+        let hidden = HiddenPrior::kept(&starts, hybrid.nx() - hybrid.nh());
+        let whole = |(run, of): (usize, &Run)| Window {
+            run,
+            first: 0,
+            count: of.len(),
+        };
+        let spans: Vec<Window> = runs.iter().enumerate().map(whole).collect();
+        let fitted = fit(
+            hybrid,
+            &observations,
+            &spans,
+            &hybrid.free(),
+            theta,
+            starts,
+            observations.noise(),
+            &hidden,
+            &FitOptions {
+                substeps: self.substeps,
+                state_iterations: ITERATIONS.0,
+                iterations: ITERATIONS.1,
+            },
+        );
+        let of_coordinate = |(c, sizes): (usize, &Sizes)| {
+            let squares = fitted.squares.iter().map(|of_window| of_window[c]);
+            let square = middle(squares.map(|(sum, n)| sum / n.max(1) as f64));
+            (square - sizes.noise * sizes.noise).max(0.0).sqrt() / sizes.off_line
+        };
+        sizes.iter().enumerate().map(of_coordinate).collect()
+    }
+
+    /// Whether a coordinate moves.
+    pub fn moves(&self, coordinate: usize) -> bool {
+        self.moving[coordinate]
+    }
+
+    /// Σ ln share over the coordinates that move.
+    pub fn score(&self, shares: &[f64]) -> f64 {
+        let moving = shares.iter().zip(&self.moving).filter(|(_, moves)| **moves);
+        moving.map(|(share, _)| (share + NONE).ln()).sum()
+    }
+
+    /// The largest share of a coordinate that moves.
+    pub fn worst(&self, shares: &[f64]) -> f64 {
+        let moving = shares.iter().zip(&self.moving).filter(|(_, moves)| **moves);
+        moving.map(|(share, _)| *share).fold(0.0, f64::max)
+    }
+}
+
+/// The sizes of a coordinate in the windows.
+struct Sizes {
+    /// How far it is off the straight line, in the median.
+    off_line: f64,
+    noise: f64,
+}
+
+impl Sizes {
+    fn of(runs: &[Run], coordinate: usize, wraps: bool) -> Self {
+        let unfolded = |run: &Run| match wraps {
+            true => unwrapped(&run.q[coordinate]),
+            false => run.q[coordinate].clone(),
+        };
+        let columns: Vec<Vec<f64>> = runs.iter().map(unfolded).collect();
+        let of_runs = || runs.iter().zip(&columns);
+        let readings: Vec<Readings> = of_runs()
+            .map(|(run, y)| Readings { t: &run.t, y })
+            .collect();
+        let off_line = middle(of_runs().map(|(run, y)| off_line(&run.t, y)));
+        Sizes {
+            off_line: off_line.max(f64::MIN_POSITIVE),
+            noise: noise(&readings),
+        }
+    }
+}
+
+/// The windows of this length, a recording each.
+fn cut(observations: &Observations, length: f64) -> Vec<Run> {
+    let all = observations.runs.iter().enumerate();
+    let all = all.flat_map(|(run, observed)| consecutive(run, &observed.t, length));
+    let long = all.filter(|window| window.count >= FEWEST_SAMPLES);
+    let cut = |window: Window| {
+        let run = &observations.runs[window.run];
+        let part = |x: &Vec<f64>| x[window.first..window.first + window.count].to_vec();
+        Run {
+            id: String::new(),
+            t: part(&run.t),
+            q: run.y.iter().map(part).collect(),
+            v: vec![None; run.y.len()],
+            u: run.u.iter().map(part).collect(),
+        }
+    };
+    long.map(cut).collect()
+}
+
+/// The model with a viscous friction on every coordinate that has none: most machines have some, and what they do of it must not blur the comparison.
+fn rubbing(model: &Model) -> Hybrid {
+    let mut hybrid = Hybrid::of(model);
+    let Some(kind) = registry::find("viscous_friction") else {
+        return hybrid;
+    };
+    for target in 0..hybrid.nv() {
+        let has_some = |e: &Placed| e.kind == kind && e.target == target && !e.fixed;
+        if !hybrid.effects().iter().any(has_some) {
+            let placed = Placed {
+                kind,
+                target,
+                smoothing: SMOOTHING,
+                fixed: false,
+            };
+            hybrid.add(placed, &[0.0]);
+        }
+    }
+    hybrid
+}
+
+fn observed(run: &Run) -> ObservedRun {
+    ObservedRun {
+        t: run.t.clone(),
+        u: run.u.clone(),
+        valid: run.q.iter().map(|q| vec![true; q.len()]).collect(),
+        y: run.q.clone(),
+    }
+}
+
+/// The positions of `nv` coordinates; of each whether it wraps, and its noise.
+fn channels(nv: usize, of: impl Fn(usize) -> (bool, f64)) -> Vec<Channel> {
+    let channel = |coordinate| {
+        let (wraps, noise) = of(coordinate);
+        Channel {
+            coordinate,
+            velocity: false,
+            wraps,
+            noise,
+        }
+    };
+    (0..nv).map(channel).collect()
+}
+
+/// Root mean square distance from the straight line through a window.
+fn off_line(t: &[f64], y: &[f64]) -> f64 {
+    let (Some(&t0), Some(&y0)) = (t.first(), y.first()) else {
+        return 0.0;
+    };
+    let points = || t.iter().zip(y).map(|(t, y)| (t - t0, y - y0));
+    let Some(line) = polynomial::<2>(points()) else {
+        return 0.0;
+    };
+    let squares = points().map(|(t, y)| (y - line[0] - line[1] * t).powi(2));
+    (squares.sum::<f64>() / t.len() as f64).sqrt()
+}
+
+/// The median; infinite where more than half of the numbers are none.
+fn middle(x: impl Iterator<Item = f64>) -> f64 {
+    let number = |x: f64| if x.is_nan() { f64::INFINITY } else { x };
+    median(&mut x.map(number).collect::<Vec<f64>>())
+}
