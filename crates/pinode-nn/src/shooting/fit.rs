@@ -182,13 +182,132 @@ const LEAST_AFTER: f64 = 1e-3;
 const HARDER: f64 = 30.0;
 const TRIALS: usize = 5;
 /// A fit that has stopped goes on where windows that were stuck gained so many nats.
-const WORTH_GOING_ON: f64 = 3.0;
+pub(super) const WORTH_GOING_ON: f64 = 3.0;
 
 /// The damping after a step that gained `share` of what its equations promised (Nielsen, "Damping parameter in Marquardt's method", IMM-REP-1999-05):
 /// a tenth where that was all, more than before where it was less than half.
 fn eased(damping: f64, share: f64) -> f64 {
     let factor = 1.0 - (2.0 * share.clamp(0.0, 1.0) - 1.0).powi(3);
     (damping * factor.max(0.1)).max(LEAST)
+}
+
+/// A fit on its way.
+pub(super) struct Going {
+    pub theta: Vec<f64>,
+    pub now: Vec<Rolled>,
+    pub sigma: Vec<f64>,
+    /// With priors.
+    pub loss: f64,
+}
+
+/// How a fit ended.
+pub(super) struct Ended {
+    /// Whether the loss had stopped falling.
+    pub converged: bool,
+    /// What the better of the last two iterations gained, nats.
+    pub gained: f64,
+    /// Whether windows that are stuck had their second look.
+    pub looked: bool,
+}
+
+impl Going {
+    fn total(&self, problem: &Problem) -> f64 {
+        problem.total(&self.theta, &self.now, &self.sigma)
+    }
+
+    /// Takes the residuals' spread for σ, which changes the loss; by how much σ changes, relative to it.
+    pub fn take_spread(&mut self, problem: &Problem) -> f64 {
+        let new = spread(&problem.observations.channels, &self.now);
+        let changes = self.sigma.iter().zip(&new);
+        let change = changes
+            .map(|(old, new)| (new / old - 1.0).abs())
+            .fold(0.0, f64::max);
+        self.sigma = new;
+        self.loss = self.total(problem);
+        change
+    }
+
+    /// Gives windows that are stuck a second look; by how many nats they gain.
+    pub fn look(&mut self, problem: &Problem) -> f64 {
+        problem.unstick(&self.theta, &mut self.now, &self.sigma)
+    }
+
+    /// Steps of θ and all initial states.
+    fn descend(&mut self, problem: &Problem, iterations: usize) -> Ended {
+        let (mut converged, mut was_idle, mut looked) = (false, false, false);
+        let mut gains = [f64::INFINITY; 2];
+        let mut damping = FIRST_DAMPING;
+        for _ in 0..iterations {
+            let before = self.loss;
+            let (accepted, held_back) = self.step(problem, &mut damping);
+            let decrease = before - self.loss;
+            gains = [gains[1], decrease];
+            let change = self.take_spread(problem);
+            let idle = decrease < 0.3 + 1e-4 * before;
+            // A median that goes to and fro between two residuals moves nothing: a second step that gains nothing ends the fit as well. A short one says
+            // nothing.
+            if idle && !held_back && (change < 3e-3 || was_idle) {
+                let gained = match looked {
+                    false => self.look(problem),
+                    true => 0.0,
+                };
+                looked = true;
+                self.take_spread(problem);
+                if gained < WORTH_GOING_ON {
+                    converged = true;
+                    break;
+                }
+                was_idle = false;
+                continue;
+            }
+            was_idle = idle;
+            if !accepted {
+                damping = FIRST_DAMPING;
+            }
+        }
+        Ended {
+            converged,
+            gained: gains[0].max(gains[1]),
+            looked,
+        }
+    }
+
+    /// One step of θ and all initial states, damped until it lowers the loss: whether it did, and whether much damping held it back.
+    fn step(&mut self, problem: &Problem, damping: &mut f64) -> (bool, bool) {
+        let constants = problem.hybrid.constants();
+        let reduced = problem.reduced(&self.theta, &mut self.now, &self.sigma);
+        let (s, g) = problem.assemble(&self.theta, &reduced);
+        let by_states: f64 = reduced.iter().flatten().map(|r| r.state_gain).sum();
+        for _ in 0..TRIALS {
+            let d = damped_step(problem, &self.theta, &s, &g, *damping);
+            let mut trial = self.theta.clone();
+            for (k, &i) in problem.free.iter().enumerate() {
+                trial[i] = (trial[i] + d[k]).clamp(constants[i].lower, constants[i].upper);
+            }
+            let steps: Vec<_> = reduced
+                .iter()
+                .map(|r| r.as_ref().map(|r| &r.state_step - &r.state_by_theta * &d))
+                .collect();
+            let relief = problem.prior_loss(&self.theta) - problem.prior_loss(&trial);
+            let stepped = problem.stepped(&trial, &self.now, &steps, &self.sigma, Some(relief));
+            let loss = problem.total(&trial, &stepped, &self.sigma);
+            if loss < self.loss {
+                let held_back = *damping > LEAST_AFTER;
+                let promised = by_states + g.dot(&d) - 0.5 * d.dot(&(&s * &d));
+                *damping = eased(*damping, (self.loss - loss) / promised);
+                self.theta = trial;
+                self.now = stepped;
+                self.loss = loss;
+                return (true, held_back);
+            }
+            // Without a step of θ there is nothing to damp.
+            if d.iter().all(|d| *d == 0.0) {
+                break;
+            }
+            *damping = (*damping * HARDER).max(LEAST_AFTER);
+        }
+        (false, false)
+    }
 }
 
 /// Fits θ_free and the initial states to the windows, from the model's θ and the states given.
@@ -201,7 +320,7 @@ pub fn fit(
     observations: &Observations,
     windows: &[Window],
     free: &[usize],
-    mut theta: Vec<f64>,
+    theta: Vec<f64>,
     states: Vec<Vec<f64>>,
     mut sigma: Vec<f64>,
     hidden: &HiddenPrior,
@@ -238,88 +357,31 @@ pub fn fit(
         sigma = spread(channels, &now);
     }
 
-    let total = |theta: &[f64], now: &[Rolled], sigma: &[f64]| -> f64 {
-        problem.prior_loss(theta) + now.iter().map(|w| w.loss(sigma)).sum::<f64>()
+    let mut going = Going {
+        theta,
+        now,
+        sigma,
+        loss: 0.0,
     };
-    let (mut converged, mut was_idle, mut looked) = (false, false, false);
-    let mut gains = [f64::INFINITY; 2];
-    let mut damping = FIRST_DAMPING;
-    let mut loss = total(&theta, &now, &sigma);
-    for _ in 0..options.iterations {
-        let reduced = problem.reduced(&theta, &mut now, &sigma);
-        let (s, g) = problem.assemble(&theta, &reduced);
-        let by_states: f64 = reduced.iter().flatten().map(|r| r.state_gain).sum();
-        let (mut accepted, mut held_back) = (false, false);
-        let before = loss;
-        for _ in 0..TRIALS {
-            let d = damped_step(&problem, &theta, &s, &g, damping);
-            let mut trial = theta.clone();
-            for (k, &i) in free.iter().enumerate() {
-                let constant = &hybrid.constants()[i];
-                trial[i] = (trial[i] + d[k]).clamp(constant.lower, constant.upper);
-            }
-            let steps: Vec<_> = reduced
-                .iter()
-                .map(|r| r.as_ref().map(|r| &r.state_step - &r.state_by_theta * &d))
-                .collect();
-            let relief = problem.prior_loss(&theta) - problem.prior_loss(&trial);
-            let stepped = problem.stepped(&trial, &now, &steps, &sigma, Some(relief));
-            let trial_loss = total(&trial, &stepped, &sigma);
-            if trial_loss < loss {
-                held_back = damping > LEAST_AFTER;
-                let promised = by_states + g.dot(&d) - 0.5 * d.dot(&(&s * &d));
-                damping = eased(damping, (loss - trial_loss) / promised);
-                theta = trial;
-                now = stepped;
-                loss = trial_loss;
-                accepted = true;
-                break;
-            }
-            // Without a step of θ there is nothing to damp.
-            if d.iter().all(|d| *d == 0.0) {
-                break;
-            }
-            damping = (damping * HARDER).max(LEAST_AFTER);
-        }
-        let decrease = before - loss;
-        gains = [gains[1], decrease];
-        let new_sigma = spread(channels, &now);
-        let change = sigma
-            .iter()
-            .zip(&new_sigma)
-            .map(|(old, new)| (new / old - 1.0).abs())
-            .fold(0.0, f64::max);
-        sigma = new_sigma;
-        loss = total(&theta, &now, &sigma);
-        let idle = decrease < 0.3 + 1e-4 * before;
-        // A median that goes to and fro between two residuals moves nothing: a second step that gains nothing ends the fit as well. A short one says
-        // nothing.
-        if idle && !held_back && (change < 3e-3 || was_idle) {
-            let gained = match looked {
-                false => problem.unstick(&theta, &mut now, &sigma),
-                true => 0.0,
-            };
-            looked = true;
-            sigma = spread(channels, &now);
-            loss = total(&theta, &now, &sigma);
-            if gained < WORTH_GOING_ON {
-                converged = true;
-                break;
-            }
-            was_idle = false;
-            continue;
-        }
-        was_idle = idle;
-        if !accepted {
-            damping = FIRST_DAMPING;
-        }
-    }
-
+    going.loss = going.total(&problem);
+    let Ended {
+        converged,
+        gained,
+        looked,
+    } = match free.is_empty() {
+        true => going.settle(&problem, options.iterations),
+        false => going.descend(&problem, options.iterations),
+    };
     let moved = options.iterations + options.state_iterations > 0;
-    if moved && !looked && problem.unstick(&theta, &mut now, &sigma) > 0.0 {
-        sigma = spread(channels, &now);
-        loss = total(&theta, &now, &sigma);
+    if moved && !looked && going.look(&problem) > 0.0 {
+        going.take_spread(&problem);
     }
+    let Going {
+        theta,
+        mut now,
+        sigma,
+        loss,
+    } = going;
     let reduced = problem.reduced(&theta, &mut now, &sigma);
     let (information, _) = problem.assemble(&theta, &reduced);
     let of_windows = reduced
@@ -346,7 +408,7 @@ pub fn fit(
         gradients,
         loss,
         converged,
-        gained: gains[0].max(gains[1]),
+        gained,
     }
 }
 

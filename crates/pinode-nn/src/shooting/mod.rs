@@ -9,6 +9,7 @@ mod normal;
 mod observation;
 pub(crate) mod problem;
 mod roll;
+mod settle;
 mod single_steps;
 mod stiff;
 mod stuck;

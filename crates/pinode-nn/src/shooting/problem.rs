@@ -380,6 +380,11 @@ impl<'a> Problem<'a> {
         }
     }
 
+    /// Loss of all windows, and of the priors.
+    pub fn total(&self, theta: &[f64], now: &[Rolled], sigma: &[f64]) -> f64 {
+        self.prior_loss(theta) + now.iter().map(|w| w.loss(sigma)).sum::<f64>()
+    }
+
     /// Loss of the priors: Σ ½ ((θ − θ₀)/tolerance)².
     pub fn prior_loss(&self, theta: &[f64]) -> f64 {
         self.free
