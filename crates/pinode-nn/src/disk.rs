@@ -1,6 +1,7 @@
 //! Writing files whole or not at all; fingerprints.
 
 use std::ffi::OsStr;
+use std::fs::OpenOptions;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -10,8 +11,12 @@ use tempfile::NamedTempFile;
 
 use crate::Error;
 
-/// Writes `bytes` to a temporary file beside `path`, then renames it to `path`.
-pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), Error> {
+/// Writes `bytes` to a temporary file beside `path`, then renames it to `path`: nothing half-written ever has the name. The file that a link
+/// leads to is replaced, not the link, and keeps its permissions; what is no file (a pipe, `/dev/stdout`) is written to.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     Staged::write(path, bytes)?.commit()
 }
 
@@ -45,11 +50,18 @@ impl Drop for Open {
 }
 
 /// A file that is written beside its place and not yet in it; gone when dropped.
-pub(crate) struct Staged {
-    path: PathBuf,
-    file: NamedTempFile,
-    /// Dropped after the file.
-    open: Open,
+pub(crate) struct Staged(Place);
+
+enum Place {
+    /// A file, to be renamed.
+    File {
+        path: PathBuf,
+        file: NamedTempFile,
+        /// Dropped after the file.
+        open: Open,
+    },
+    /// What is no file takes its bytes as they come.
+    Stream { path: PathBuf, bytes: Vec<u8> },
 }
 
 impl Staged {
@@ -60,25 +72,46 @@ impl Staged {
         if path.is_dir() {
             return Err(io(ErrorKind::IsADirectory.into()));
         }
+        if is_stream(path) {
+            let (path, bytes) = (path.to_owned(), bytes.to_vec());
+            return Ok(Staged(Place::Stream { path, bytes }));
+        }
+        let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
         let open = Open::new();
-        let mut file = beside(path)?;
+        let mut file = beside(&path)?;
         file.write_all(bytes).map_err(io)?;
+        if let Ok(there) = path.metadata() {
+            file.as_file()
+                .set_permissions(there.permissions())
+                .map_err(io)?;
+        }
         file.as_file().sync_all().map_err(io)?;
-        Ok(Staged {
-            path: path.to_owned(),
-            file,
-            open,
-        })
+        Ok(Staged(Place::File { path, file, open }))
     }
 
     /// Renames it to its place.
     pub fn commit(self) -> Result<(), Error> {
-        let Staged { path, file, open } = self;
-        let renamed = file.persist(&path).map(drop);
-        let renamed = renamed.map_err(|e| Error::io(&path, e.error));
-        drop(open);
-        renamed
+        match self.0 {
+            Place::File { path, file, open } => {
+                let renamed = file.persist(&path).map(drop);
+                let renamed = renamed.map_err(|e| Error::io(&path, e.error));
+                drop(open);
+                renamed
+            }
+            Place::Stream { path, bytes } => {
+                let stream = OpenOptions::new().write(true).open(&path);
+                let written = stream.and_then(|mut stream| stream.write_all(&bytes));
+                written.map_err(|e| Error::io(&path, e))
+            }
+        }
     }
+}
+
+/// Whether there is something at `path` that bytes pass through: a device, a pipe, a stream of the process itself, be it led to a file.
+fn is_stream(path: &Path) -> bool {
+    let of_system = ["/dev", "/proc"].iter().any(|dir| path.starts_with(dir));
+    path.metadata()
+        .is_ok_and(|there| of_system || !there.is_file())
 }
 
 /// Files that come into a folder together, or not at all.
@@ -171,7 +204,16 @@ fn beside(path: &Path) -> Result<NamedTempFile, Error> {
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666)); // less the umask
     }
-    builder.tempfile_in(folder).map_err(|e| Error::io(path, e))
+    let made = builder.tempfile_in(folder);
+    made.map_err(|e| Error::io(path, of_system(e)))
+}
+
+/// What the system said, without the name of the temporary file.
+fn of_system(error: std::io::Error) -> std::io::Error {
+    let inner = error.get_ref().and_then(|e| e.source());
+    let inner = inner.and_then(|e| e.downcast_ref::<std::io::Error>());
+    let code = inner.and_then(std::io::Error::raw_os_error);
+    code.map_or(error, std::io::Error::from_raw_os_error)
 }
 
 /// Refuses `outputs` among which one is an input or another output, under whatever name: said before the work, not after it.
@@ -241,6 +283,32 @@ mod tests {
         files.commit().unwrap();
         assert_eq!(std::fs::read(dir.join("weights")).unwrap(), b"new");
         assert_eq!(std::fs::read(dir.join(kept)).unwrap(), b"old");
+    }
+
+    /// Links and permissions were lost, and as root `/dev/null` became a file.
+    #[cfg(unix)]
+    #[test]
+    fn what_a_link_leads_to_is_replaced_and_what_is_no_file_is_written_to() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::write(at("file"), "old").unwrap();
+        let private = std::fs::Permissions::from_mode(0o600);
+        std::fs::set_permissions(at("file"), private).unwrap();
+        symlink(at("file"), at("link")).unwrap();
+        write_atomically(&at("link"), b"new").unwrap();
+        assert_eq!(std::fs::read(at("file")).unwrap(), b"new");
+        assert!(at("link").is_symlink());
+        let mode = at("file").metadata().unwrap().permissions().mode();
+        assert_eq!(mode & 0o777, 0o600);
+
+        let (reader, writer) = std::io::pipe().unwrap();
+        let pipe = format!("/proc/self/fd/{}", std::os::fd::AsRawFd::as_raw_fd(&writer));
+        if Path::new(&pipe).exists() {
+            write_atomically(Path::new(&pipe), b"through").unwrap();
+            drop(writer);
+            assert_eq!(std::io::read_to_string(reader).unwrap(), "through");
+        }
     }
 
     /// Ctrl-C during a write left a temporary file behind.

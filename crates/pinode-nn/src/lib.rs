@@ -57,6 +57,7 @@ mod error;
 mod naming;
 mod past;
 
+pub use disk::write_atomically;
 pub use error::Error;
 
 /// The code in the front page runs.

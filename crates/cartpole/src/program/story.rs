@@ -110,11 +110,13 @@ fn sealed(recorded: &Recorded, finished: &Finished, output: &Output) -> Result<(
 fn record(setting: &Setting, output: &Output) -> Result<Recorded, Error> {
     let (config, hidden, out) = (&setting.config, &setting.hidden, &setting.out);
     let recording = rig::run(config, hidden, setting.seed)?;
-    let model = known_model(hidden, &setting.models, out)?; // makes the folder
-    let log = out.join("log.csv");
-    recording.write_csv(&log)?;
+    // The key first: a log of which nobody knows what is hidden in it is worth nothing.
+    std::fs::create_dir_all(out).map_err(rig::Error::io(out))?;
     let key = setting.key.clone();
     Key::new(config, hidden, setting.seed).write_json(&key)?;
+    let model = known_model(hidden, &setting.models, out)?;
+    let log = out.join("log.csv");
+    recording.write_csv(&log)?;
     output.say(&format!(
         "{}{}\nthe rig ran for {} s at {} Hz: {}\nthe model that it is compared with: {}\n",
         if setting.secret {
@@ -124,7 +126,7 @@ fn record(setting: &Setting, output: &Output) -> Result<Recorded, Error> {
         },
         match (setting.drawn, hidden) {
             (true, _) => format!(
-                "a hidden effect is drawn; what it is, is sealed in {} until the end",
+                "a hidden effect is drawn; what it is, is sealed in {}",
                 key.display()
             ),
             (false, Hidden::Nothing) => "nothing is hidden, as you asked".to_owned(),

@@ -1,6 +1,5 @@
 //! What a run leaves: the log that the user sees.
 
-use std::io::Write;
 use std::path::Path;
 
 use super::Error;
@@ -45,25 +44,13 @@ impl Recording {
     }
 }
 
-/// Writes a temporary beside `path` and renames it: nothing half-written ever has the name.
+/// [`pinode_nn::write_atomically`], with errors of the rig.
 pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Error> {
-    let folder = match path.parent() {
-        Some(folder) if folder != Path::new("") => folder,
-        _ => Path::new("."),
-    };
-    let mut file = tempfile::NamedTempFile::new_in(folder).map_err(Error::io(path))?;
-    file.write_all(bytes).map_err(Error::io(path))?;
-    #[cfg(unix)]
-    {
-        // A temporary is private to its owner; a log is an ordinary file.
-        use std::os::unix::fs::PermissionsExt;
-        let ordinary = std::fs::Permissions::from_mode(0o644);
-        file.as_file()
-            .set_permissions(ordinary)
-            .map_err(Error::io(path))?;
-    }
-    file.persist(path)
-        .map_err(|e| e.error)
-        .map_err(Error::io(path))?;
-    Ok(())
+    pinode_nn::write_atomically(path, bytes).map_err(|error| match error {
+        pinode_nn::Error::Io { path, source } => Error::Io { path, source },
+        error => Error::Io {
+            path: path.to_owned(),
+            source: std::io::Error::other(error),
+        },
+    })
 }
