@@ -61,36 +61,67 @@ pub fn as_meant<'a>(
     held_out: &'a [Log],
     report: &dyn Fn(&str),
 ) -> Result<AsMeant<'a>, Error> {
-    let windows = Windows::of(model, logs);
-    let found = windows.and_then(|windows| otherwise(model, logs, &windows, report));
-    let (Some(found), Some(first)) = (found, logs.first()) else {
-        return Ok(AsMeant {
-            model: Cow::Borrowed(model),
-            logs: Cow::Borrowed(logs),
-            held_out: Cow::Borrowed(held_out),
-            faults: Vec::new(),
-        });
-    };
-    let own = first.columns(model);
-    let of_reading = |reading: &Reading| mappings(reading, model, (first, &own));
-    let columns: Vec<_> = found.readings.iter().flat_map(of_reading).collect();
-    let again = |logs: &[Log]| -> Vec<Log> {
-        let mut logs = logs.to_vec();
-        for log in &mut logs {
-            let runs = log.runs.iter().map(|run| read(&found.readings, run));
-            log.runs = runs.collect();
+    let found = meant(model, logs, report);
+    let own = || Some((logs.first()?, logs.first()?.columns(model)));
+    let (mut faults, mut columns) = (Vec::new(), Vec::new());
+    if let (Some(found), Some((log, own))) = (&found, own()) {
+        faults = found.faults(model, (log, &own), Which::Seen);
+        let of_reading = |reading: &Reading| mappings(reading, model, (log, &own));
+        columns = found.readings.iter().flat_map(of_reading).collect();
+    }
+    // What is held out may have been recorded by others.
+    let other = Windows::of(model, held_out).and_then(|windows| {
+        let well = windows.worst(&windows.shares(&[])) < WELL;
+        match otherwise(model, held_out, &windows, report) {
+            Some(found) => Some(Some(found)),
+            None => well.then_some(None),
         }
-        logs
-    };
+    });
+    let of_held_out = other.unwrap_or_else(|| found.clone());
+    if let (Some(other), Some(log)) = (&of_held_out, held_out.first())
+        && found.as_ref().map(|found| &found.readings) != Some(&other.readings)
+    {
+        faults.extend(other.faults(model, (log, &log.columns(model)), Which::HeldOut));
+    }
     Ok(AsMeant {
-        faults: found.faults(model, (first, &own)),
-        logs: Cow::Owned(again(logs)),
-        held_out: Cow::Owned(again(held_out)),
-        model: Cow::Owned(model.with_columns(&columns)?),
+        faults,
+        logs: again(found, logs),
+        held_out: again(of_held_out, held_out),
+        model: match columns.is_empty() {
+            true => Cow::Borrowed(model),
+            false => Cow::Owned(model.with_columns(&columns)?),
+        },
     })
 }
 
+/// How the logs are to be read; none as they are.
+fn meant(model: &Model, logs: &[Log], report: &dyn Fn(&str)) -> Option<Otherwise> {
+    let windows = Windows::of(model, logs)?;
+    otherwise(model, logs, &windows, report)
+}
+
+/// The logs, read so.
+fn again(found: Option<Otherwise>, logs: &[Log]) -> Cow<'_, [Log]> {
+    let Some(found) = found else {
+        return Cow::Borrowed(logs);
+    };
+    let mut logs = logs.to_vec();
+    for log in &mut logs {
+        let runs = log.runs.iter().map(|run| read(&found.readings, run));
+        log.runs = runs.collect();
+    }
+    Cow::Owned(logs)
+}
+
+/// Which logs.
+#[derive(Clone, Copy, PartialEq)]
+enum Which {
+    Seen,
+    HeldOut,
+}
+
 /// Another way to read a log.
+#[derive(Clone)]
 struct Otherwise {
     readings: Vec<Reading>,
     /// The largest share that the model leaves of a coordinate with the log as it is, and so.
@@ -100,7 +131,7 @@ struct Otherwise {
 }
 
 impl Otherwise {
-    fn faults(&self, model: &Model, log: (&Log, &ColumnMap)) -> Vec<DataFault> {
+    fn faults(&self, model: &Model, log: (&Log, &ColumnMap), which: Which) -> Vec<DataFault> {
         let all = |readings: &[Reading]| {
             let said: Vec<String> = readings.iter().map(|r| words(r, model)).collect();
             said.join(", ")
@@ -115,16 +146,24 @@ impl Otherwise {
             let written = written.iter();
             let written = written.map(|m| format!("`\"{}\" = {}`", m.signal, value(m)));
             let written: Vec<String> = written.collect();
+            let written = written.join(" and ");
+            // The new model reads the logs that it was fitted to.
+            let (whose, so) = match which {
+                Which::Seen => ("", format!("by [log.columns] of the new model: {written}")),
+                Which::HeldOut => (
+                    "in what is held out ",
+                    format!("and needs a model with [log.columns] of its own elsewhere: {written}"),
+                ),
+            };
             let [before, after] = self.shares.map(|share| 100.0 * share);
             DataFault {
                 kind: CONVENTION.into(),
                 column: name(reading, model),
                 when: Vec::new(),
                 detail: format!(
-                    "{}: read as it is meant, the model leaves {after:.1} % of the motion in short windows at most, and {before:.0} % as it is{or}; it is \
-                     read so here, by [log.columns] of the new model: {}",
+                    "{whose}{}: read as it is meant, the model leaves {after:.1} % of the motion in short windows at most, and {before:.0} % as it is{or}; \
+                     it is read so here, {so}",
                     words(reading, model),
-                    written.join(" and ")
                 ),
             }
         };

@@ -11,6 +11,23 @@ const DEGREE: f64 = PI / 180.0;
 const MILLIMETRE: f64 = 1e-3;
 const CENTIMETRE: f64 = 1e-2;
 
+/// What a coordinate may be counted in.
+const UNITS: [(f64, &str); 3] = [
+    (DEGREE, "degrees"),
+    (MILLIMETRE, "millimetres"),
+    (CENTIMETRE, "centimetres"),
+];
+
+/// What an input may be counted in, and how people say it: millinewtons or percent, for two.
+const PARTS: [(f64, &str); 6] = [
+    (1e-3, "thousandths"),
+    (1e-2, "hundredths"),
+    (0.1, "tenths"),
+    (10.0, "tens"),
+    (100.0, "hundreds"),
+    (1e3, "thousands"),
+];
+
 /// What moves further than this in a log, rad or m, may be in smaller units.
 const FAR: (f64, f64) = (2.0 * PI, 2.0);
 
@@ -99,11 +116,12 @@ pub fn changes(model: &Model, logs: &[Log]) -> Vec<Change> {
             }
         }
     }
-    all.extend((0..model.inputs.len()).map(|i| vec![Reading::of(Signal::Input(i), -1.0, 0.0)]));
-    for (j, second) in coordinates.iter().enumerate() {
-        let like = coordinates[..j].iter().enumerate();
-        let like = like.filter(|(_, first)| first.angular == second.angular);
-        all.extend(like.map(|(i, _)| exchanged(Signal::Coordinate, i, j)));
+    for i in 0..model.inputs.len() {
+        let scales = std::iter::once(-1.0).chain(PARTS.map(|(scale, _)| scale));
+        all.extend(scales.map(|scale| vec![Reading::of(Signal::Input(i), scale, 0.0)]));
+    }
+    for j in 0..coordinates.len() {
+        all.extend((0..j).map(|i| exchanged(Signal::Coordinate, i, j)));
     }
     for j in 0..model.inputs.len() {
         all.extend((0..j).map(|i| exchanged(Signal::Input, i, j)));
@@ -195,13 +213,15 @@ pub fn words(reading: &Reading, model: &Model) -> String {
         let other = name(&Reading::of(other, 1.0, 0.0), model);
         said.push(format!("stands in the place of {}", quoted(&other)));
     }
-    for (unit, plural) in [
-        (DEGREE, "degrees"),
-        (MILLIMETRE, "millimetres"),
-        (CENTIMETRE, "centimetres"),
-    ] {
-        if reading.scale.abs() == unit {
-            said.push(format!("is in {plural}"));
+    let size = reading.scale.abs();
+    match reading.signal {
+        Signal::Coordinate(_) => {
+            let unit = UNITS.iter().find(|(unit, _)| *unit == size);
+            said.extend(unit.map(|(_, plural)| format!("is in {plural}")));
+        }
+        Signal::Input(_) => {
+            let part = PARTS.iter().find(|(scale, _)| *scale == size);
+            said.extend(part.map(|(_, parts)| format!("is in {parts} of what the model takes")));
         }
     }
     if reading.scale < 0.0 {

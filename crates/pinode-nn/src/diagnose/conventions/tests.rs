@@ -118,7 +118,54 @@ fn signs_zeros_and_units_are_read_as_they_are_meant_beside_friction_that_is_miss
             &|[x, phi, u]| [-1000.0 * x, phi, u],
             "q.x = { column = \"q.x\", scale = -0.001 }",
         );
+        check(
+            &|[x, phi, u]| [x, phi, 1000.0 * u],
+            "u.motor = { column = \"u.motor\", scale = 0.001 }",
+        );
+        let exchanged = log(&model, &rows, |[x, phi, u]| [phi, x, u]);
+        let columns = ["q.x = \"q.phi\"", "q.phi = \"q.x\""];
+        assert_eq!(found(&model, &exchanged), columns);
     }
+}
+
+/// What the motor is told acts 40 ms later. A reversed pole was not seen beside that.
+#[test]
+fn a_sign_is_told_beside_an_input_that_is_late() {
+    let model = model();
+    let mut rows = recording(0.3);
+    for k in 2..rows.len() {
+        rows[k - 2][2] = rows[k][2];
+    }
+    assert_eq!(found(&model, &log(&model, &rows, |row| row)), [""; 0]);
+    let reversed = log(&model, &rows, |[x, phi, u]| [x, -phi, u]);
+    let columns = ["q.phi = { column = \"q.phi\", scale = -1.0 }"];
+    assert_eq!(found(&model, &reversed), columns);
+}
+
+/// The log that is held out is another's, in degrees: that is told of it, and neither the log nor the new model is read otherwise.
+#[test]
+fn what_is_held_out_may_count_in_its_own_way() {
+    let model = model();
+    let rows = recording(0.3);
+    let logs = [log(&model, &rows, |row| row)];
+    let held_out = [log(&model, &rows, |[x, phi, u]| [x, phi.to_degrees(), u])];
+    let meant = as_meant(&model, &logs, &held_out, &|_| ()).unwrap();
+    let [fault] = &meant.faults[..] else {
+        panic!("{:?}", meant.faults)
+    };
+    let said = "in what is held out `q.phi` is in degrees";
+    assert!(fault.detail.starts_with(said), "{}", fault.detail);
+    assert!(meant.model.columns.mappings.is_empty());
+    assert_eq!(meant.logs[0].runs, logs[0].runs);
+    let (read, as_seen) = (&meant.held_out[0].runs[0].q[1], &logs[0].runs[0].q[1]);
+    let off = read.iter().zip(as_seen).map(|(a, b)| (a - b).abs());
+    assert!(off.fold(0.0, f64::max) < 1e-12);
+    // Both in degrees: the new model says so of both.
+    let meant = as_meant(&model, &held_out, &held_out, &|_| ()).unwrap();
+    assert_eq!(
+        (meant.faults.len(), meant.model.columns.mappings.len()),
+        (1, 1)
+    );
 }
 
 /// A mirror turns cart, pendulum and motor round: a log in which all three have another sign is right.

@@ -4,7 +4,7 @@ use super::reading::{Reading, read};
 use crate::diagnose::audit::{Readings, median, noise};
 use crate::diagnose::setup::{COARSEST_STEP, STIFF_STEP, WINDOW_S, dominant_frequency};
 use crate::diagnose::smooth::{polynomial, smooth, unwrapped};
-use crate::effect::registry;
+use crate::effect::{ActsOn, registry};
 use crate::hybrid::{Hybrid, Placed};
 use crate::log::{Log, Run};
 use crate::model::Model;
@@ -48,7 +48,7 @@ impl Windows {
         if Poses::of(model).is_some() || coordinates.iter().any(|c| c.floating) {
             return None;
         }
-        let hybrid = rubbing(model);
+        let hybrid = usual(model);
         let nv = coordinates.len();
         let logged = logs.iter().flat_map(|log| &log.runs);
         let observations = Observations {
@@ -206,22 +206,28 @@ fn cut(observations: &Observations, length: f64) -> Vec<Run> {
     long.map(cut).collect()
 }
 
-/// The model with a viscous friction on every coordinate that has none: most machines have some, and what they do of it must not blur the comparison.
-fn rubbing(model: &Model) -> Hybrid {
+/// What is free beside the model as given: most machines have some friction, and some are late; what these do must not blur the comparison.
+const USUAL: [&str; 2] = ["viscous_friction", "input_delay"];
+
+/// The model with a viscous friction on every coordinate that has none, and a delay of every input that has none.
+fn usual(model: &Model) -> Hybrid {
     let mut hybrid = Hybrid::of(model);
-    let Some(kind) = registry::find("viscous_friction") else {
-        return hybrid;
-    };
-    for target in 0..hybrid.nv() {
-        let has_some = |e: &Placed| e.kind == kind && e.target == target && !e.fixed;
-        if !hybrid.effects().iter().any(has_some) {
-            let placed = Placed {
-                kind,
-                target,
-                smoothing: SMOOTHING,
-                fixed: false,
-            };
-            hybrid.add(placed, &[0.0]);
+    for kind in USUAL.iter().filter_map(|name| registry::find(name)) {
+        let targets = match kind.acts_on() {
+            ActsOn::Input => hybrid.inputs(),
+            _ => hybrid.nv(),
+        };
+        for target in 0..targets {
+            let has_some = |e: &Placed| e.kind == kind && e.target == target && !e.fixed;
+            if !hybrid.effects().iter().any(has_some) {
+                let placed = Placed {
+                    kind,
+                    target,
+                    smoothing: SMOOTHING,
+                    fixed: false,
+                };
+                hybrid.add(placed, &[0.0]);
+            }
         }
     }
     hybrid
