@@ -2,10 +2,12 @@
 
 use super::at_rest::Unborne;
 use super::audit::median;
+use super::candidate::Candidate;
 use super::experiment::{Outcome, Split, short};
 use super::misfit::{is_unexplained, strays};
 use super::search::Search;
 use super::study::Study;
+use super::unseen_spring::UnseenSpring;
 use super::verdict::{
     Change, FittedConstant, Gap, Moved, Name, NamedEffect, Numerics, Unexplained, Verdict,
 };
@@ -197,6 +199,24 @@ pub fn changing(change: &Change) -> String {
         change.t,
         number(change.after),
     )
+}
+
+/// How stiff the spring is at least by which the inertia of a motor may be driven and not show.
+pub fn unseen_spring(spring: &UnseenSpring, hybrid: &Hybrid, inputs: &[Input]) -> Option<String> {
+    let Candidate { kind, target } = spring.candidate;
+    let input = &inputs.get(target)?.name;
+    let coordinates = hybrid.mechanics().coordinates();
+    let joint = coordinates.get(hybrid.coordinate_of(kind, target))?;
+    let unit = match joint.angular {
+        true => "N·m/rad",
+        false => "N/m",
+    };
+    Some(format!(
+        "the inertia found on `{}` may be that of the motor of `{input}` behind an elastic transmission: a spring of {} {unit} does as well in these \
+         data; sharp steps of the input, sampled faster than the motor swings on its spring, would show them.",
+        joint.name,
+        number(spring.stiffness)
+    ))
 }
 
 /// What to record where the unseen part does not move what a name is about.

@@ -11,6 +11,7 @@ use super::remainder::Remainder;
 use super::screen::screen;
 use super::step::{LEAST_T2, Report, Step, is_second_choice, lookalikes, simpler};
 use super::study::{Comparison, Fitted, Study};
+use super::unseen_spring::UnseenSpring;
 use crate::effect::{ActsOn, Kind};
 use crate::hybrid::{Hybrid, Placed};
 
@@ -32,6 +33,8 @@ pub struct Found {
     pub rivals: Vec<(Candidate, Fitted)>,
     /// The model with it against the model without.
     pub comparison: Comparison,
+    /// The spring by which it may be driven and not show.
+    pub unseen_spring: Option<UnseenSpring>,
 }
 
 impl Found {
@@ -51,6 +54,17 @@ impl Found {
         self.alternatives.retain(|(c, _)| !same(c));
         self.indistinguishable.retain(|c| !same(c));
         self.rivals.retain(|(c, _)| !same(c));
+    }
+
+    /// An elastic transmission is no less likely.
+    pub fn may_be_elastic(&mut self, spring: UnseenSpring, model: Fitted) {
+        let candidate = spring.candidate;
+        self.alternatives.retain(|(c, _)| *c != candidate);
+        if !self.indistinguishable.contains(&candidate) {
+            self.indistinguishable.push(candidate);
+            self.rivals.push((candidate, model));
+        }
+        self.unseen_spring = Some(spring);
     }
 
     /// Its probabilities, and those of its rivals, are those under a condition that holds with the probability `share`.
@@ -309,6 +323,7 @@ fn weigh(
         indistinguishable,
         rivals: fitted,
         comparison: Comparison::of(model, reduced),
+        unseen_spring: None,
     }
 }
 

@@ -55,6 +55,7 @@ mod step;
 mod stops;
 mod study;
 mod unexplained;
+mod unseen_spring;
 pub mod verdict;
 mod write_up;
 
@@ -290,6 +291,9 @@ pub(crate) fn diagnose_into(
         advice.extend(advise::smooth_inputs(study, &model.inputs));
     }
     advice.extend(constants.iter().filter_map(advise::moved));
+    let springs = search.found.iter().filter_map(|f| f.unseen_spring.as_ref());
+    let hybrid = &search.model.hybrid;
+    advice.extend(springs.filter_map(|s| advise::unseen_spring(s, hybrid, &model.inputs)));
     let change = constancy::change(study, &search, &names);
     advice.extend(change.as_ref().map(advise::changing));
     let diagnosis = Diagnosis {

@@ -14,6 +14,7 @@ use super::step::{
     LEAST_T2, Report, Step, Turn, accept, is_dear, is_second_choice, refine_dear, step_from,
 };
 use super::study::{Comparison, Fitted, RELIEF, Study};
+use super::unseen_spring::unseen_spring;
 use crate::shooting::Fit;
 use crate::smoothing::VISIBLE;
 
@@ -260,6 +261,11 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
         seed,
         report,
     );
+    for found in &mut found {
+        if let Some((spring, model)) = unseen_spring(&study, &base, &current, found) {
+            found.may_be_elastic(spring, model);
+        }
+    }
     report("asking whether what is left follows from anything");
     let left = current.left(&study).cloned();
     let explained = explained(&study, &base, &current);

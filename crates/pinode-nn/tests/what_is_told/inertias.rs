@@ -34,6 +34,30 @@ fn a_pendulum_with_less_inertia_than_its_model_is_told_so() {
     let off = less - (truth - INERTIA);
     assert!(off.abs() < 3.0 * error && error < 2e-4, "{less} ± {error}");
     assert!(found.gap.after < 2.0, "{:?}", found.gap);
+    assert!(!may_be_elastic(&found));
+}
+
+fn may_be_elastic(found: &Diagnosis) -> bool {
+    let mut names = found.effects.iter().flat_map(|e| &e.indistinguishable_from);
+    let named = names.any(|name| name.kind == "elastic_transmission");
+    let told = |advice: &String| advice.contains("behind an elastic transmission: a spring of");
+    assert_eq!(named, found.advice.iter().any(told), "{:?}", found.advice);
+    named
+}
+
+/// The rotor of its motor, on a rigid shaft. That the shaft is rigid nobody can know.
+#[test]
+fn the_inertia_of_a_motor_may_be_behind_a_stiff_spring() {
+    let truth = 1.3 * INERTIA;
+    let law = |_, [phi, v]: [f64; 2], u: f64| {
+        let weight = WEIGHT * phi.sin();
+        weight + (u - VISCOUS * v - weight) * INERTIA / truth
+    };
+    let found = diagnosed(&model(true), log(21, law));
+    let (more, error) = only(&found, "reflected_inertia");
+    let off = more - (truth - INERTIA);
+    assert!(off.abs() < 3.0 * error, "{more} ± {error}");
+    assert!(may_be_elastic(&found), "{:?}", found.effects);
 }
 
 const HEAVY: f64 = 1.0;

@@ -140,6 +140,7 @@ fn found(
         indistinguishable: vec![other],
         rivals: rivals.iter().map(|r| (r.0, with(*r))).collect(),
         comparison: Comparison::of(&fitted, null),
+        unseen_spring: None,
     };
     let search = Search {
         null: null.clone(),
