@@ -267,7 +267,9 @@ pub fn polish(study: &Study, current: &Fitted, contenders: &mut [Contender]) {
         return;
     };
     for rival in contenders.iter_mut() {
-        if rival.score - base < 0.5 * (leader.score - base) {
+        // What takes over from constants that are stretched far begins far from where it ends.
+        let takes_over = rival.imitated && rival.comparison.relief > leader.comparison.total();
+        if !takes_over && rival.score - base < 0.5 * (leader.score - base) {
             continue;
         }
         let leads = rival.added == leader.added;
