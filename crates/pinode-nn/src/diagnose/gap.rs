@@ -9,6 +9,9 @@ use crate::shooting::{
     FitOptions, ObservedRun, Roller, Trajectory, Window, consecutive, fit, wrap_angle,
 };
 
+/// Samples that an initial state is fitted to, at least.
+const FEWEST_LEADING: usize = 4;
+
 /// Free runs over held-out data by two models, with their parameters: before and after.
 ///
 /// Over the part of the recordings that is held out: the initial state is fitted on `lead` s with the same model, then the model
@@ -22,6 +25,8 @@ pub fn free_runs(
     masked: &Masked,
 ) -> Vec<FreeRun> {
     let observations = &study.observations;
+    // A start takes some samples to fit, and what runs free follows them.
+    let lead = lead.max(FEWEST_LEADING as f64 * observations.typical_interval());
     let cut = held_out_windows(study, lead + horizon, shorter);
     let windows = masked.leave(cut, observations);
     let runs_before = rolled(study, before, before_theta, &windows, lead);
@@ -183,10 +188,8 @@ fn lead_samples(run: &ObservedRun, window: &Window, lead: f64) -> usize {
     let within = (window.first..window.first + window.count)
         .take_while(|&k| run.t[k] - start <= lead)
         .count();
-    within.clamp(
-        4.min(window.count),
-        (2 * window.count / 3).max(4.min(window.count)),
-    )
+    let fewest = FEWEST_LEADING.min(window.count.saturating_sub(1));
+    within.clamp(fewest, (2 * window.count / 3).max(fewest))
 }
 
 /// States over each window: `None` where the roll-out diverges.
@@ -258,4 +261,32 @@ fn continuous(mut curves: FreeRunCoordinate, wraps: bool) -> FreeRunCoordinate {
         }
     }
     curves
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of four samples all four were the start's, and the error of none of them 0.
+    #[test]
+    fn some_samples_run_free_however_coarse_the_log_is() {
+        let run = |interval: f64| ObservedRun {
+            t: (0..40).map(|k| interval * f64::from(k)).collect(),
+            u: Vec::new(),
+            y: Vec::new(),
+            valid: Vec::new(),
+        };
+        let leading = |interval: f64, count: usize| {
+            let window = Window {
+                run: 0,
+                first: 0,
+                count,
+            };
+            lead_samples(&run(interval), &window, 0.3)
+        };
+        assert_eq!(leading(0.2, 4), 3);
+        assert_eq!(leading(0.2, 7), 4);
+        // 0.3 s of 0.9, and the sample at its end.
+        assert_eq!(leading(0.02, 45), 16);
+    }
 }

@@ -91,17 +91,24 @@ fn is_held(y: &[f64], first: usize, end: usize, noise: f64) -> bool {
         return false;
     };
     let jump = next - y[end - 1];
-    let before = steps(y, first.saturating_sub(AROUND + 1), first);
+    let mut before = steps(y, first.saturating_sub(AROUND + 1), first);
     let after = steps(y, end, (end + AROUND + 1).min(y.len()));
+    let largest_of = |steps: &[f64]| steps.iter().fold(0.0_f64, |m, d| m.max(d.abs()));
+    // A sensor that is stuck may read anything: into the hold it jumps as well.
+    if end - first >= 3
+        && let Some((into, motion)) = before.split_last()
+        && !motion.is_empty()
+        && into.abs() > JUMP * noise
+        && into.abs() > BEYOND_A_TURN * largest_of(motion).max(largest_of(&after))
+    {
+        before.pop();
+    }
     let (Some(&last), Some(&coming)) = (before.last(), after.first()) else {
         return false;
     };
     // A single repetition is one of the many equal neighbours of a coarse sensor unless the motion goes on the same way through it.
     let through = last * jump > 0.0 && coming * jump > 0.0;
-    let largest = before
-        .iter()
-        .chain(&after)
-        .fold(0.0_f64, |m, d| m.max(d.abs()));
+    let largest = largest_of(&before).max(largest_of(&after));
     let beyond = match through {
         true => BEYOND_MOTION,
         false => BEYOND_A_TURN,
@@ -144,6 +151,17 @@ mod tests {
         }
         let expected = [[100, 103], [700, 703], [1500, 1503]];
         assert_eq!(holds(&y, 1e-3, true), expected);
+    }
+
+    /// A sensor that reads 3.2 for ten seconds, whatever the joint does, was two outliers.
+    #[test]
+    fn a_sensor_that_is_stuck_elsewhere_is_held() {
+        for quantum in [0.0, 4.4e-4] {
+            let mut y = swing(quantum, 1e-4);
+            y[1000..1500].fill(3.2);
+            let found = holds(&y, 4.4e-4, false);
+            assert_eq!(found, [[1001, 1499]], "{quantum}");
+        }
     }
 
     /// Without a jump at its end, or without an end.

@@ -384,9 +384,10 @@ fn hold_fault(
         kind: if often { "stuck" } else { "dropped_samples" }.into(),
         column: column.to_owned(),
         detail: format!(
-            "{samples} of {all} samples repeat the one before, {} times, and jump afterwards, or are many of a sensor whose readings scatter; \
+            "{samples} of {all} samples repeat the one before, in {} {}, and jump afterwards, or are many of a sensor whose readings scatter; \
              they are left out of all fits",
-            when.len()
+            when.len(),
+            if when.len() == 1 { "stretch" } else { "stretches" }
         ),
         when: when.into_iter().take(MOST_LISTED).collect(),
     })
