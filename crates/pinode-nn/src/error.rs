@@ -162,7 +162,8 @@ pub enum Error {
     NotFree(#[from] NotFree),
     /// No stretch of a log is long enough.
     #[error(
-        "no window of {horizon} s fits into the logs: take a shorter horizon or longer recordings"
+        "no window of {} s fits into the logs: take a shorter horizon or longer recordings",
+        (horizon * 1e6).round() / 1e6
     )]
     NoWindow {
         /// Length asked for, s.

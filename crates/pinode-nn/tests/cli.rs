@@ -281,7 +281,7 @@ fn a_failed_simulation_writes_nothing() {
     let out = dir.path().join("t.csv");
     let path = out.display().to_string();
     let wrong = pinode(&["simulate", &cartpole(), "--initial", "0,0", "--out", &path]);
-    assert_eq!(wrong.status.code(), Some(1));
+    assert_eq!(wrong.status.code(), Some(2));
     assert!(stderr(&wrong).contains("q.slider,q.pole,v.slider,v.pole"));
     let unstable =
         "[lagrangian]\ncoordinates = ['x']\nkinetic = '0.5*x_dot^2'\npotential = '-x^4'\n";
@@ -608,6 +608,60 @@ fn evaluate_warns_of_gaps() {
     assert_eq!(document["warnings"], json!([]));
 }
 
+/// The document repeated what was asked for, whatever the samples allowed.
+#[test]
+fn evaluate_tells_the_horizon_that_it_ran() {
+    let (_dir, [model, log]) = coasting((0..300).map(|k| 0.02 * f64::from(k)).map(|t| (t, t)));
+    let at = |horizon: &str| {
+        let evaluated = pinode(&["evaluate", "--json", "--horizon", horizon, &model, &log]);
+        stdout_json(&evaluated)
+    };
+    let whole = at("0.6");
+    assert_eq!(whole["horizon_s"], 0.6);
+    assert_eq!(whole["warnings"], json!([]));
+    for (asked, taken) in [("0.001", 0.02), ("0.605", 0.6)] {
+        let document = at(asked);
+        let own = document["horizon_s"].as_f64().unwrap();
+        assert!((own - taken).abs() < 1e-9, "{own}");
+        let words = document["warnings"][0].as_str().unwrap();
+        assert!(words.contains("whole sample intervals"), "{words}");
+    }
+}
+
+/// Its header had one column more than its rows.
+#[test]
+fn a_trajectory_of_a_joint_with_a_comma_in_its_name_is_read_back() {
+    let urdf = models().join("single_pendulum/single_pendulum.urdf");
+    let text = std::fs::read_to_string(urdf).unwrap();
+    let named = text.replace("joint name=\"swing\"", "joint name=\"a, b\"");
+    assert_ne!(named, text);
+    let (dir, _) = file("p.urdf", &named);
+    let model = dir.path().join("m.toml").display().to_string();
+    std::fs::write(&model, "urdf = \"p.urdf\"\n").unwrap();
+    let out = dir.path().join("t.csv").display().to_string();
+    let short = ["--initial", "1,0", "--duration", "2"];
+    let simulate = [&["simulate", "--json", &model, "--out", &out], &short[..]].concat();
+    assert_eq!(stdout_json(&pinode(&simulate))["warnings"], json!([]));
+    let evaluated = stdout_json(&pinode(&["evaluate", "--json", &model, &out]));
+    assert_eq!(evaluated["coordinates"][0]["name"], "q.a, b");
+
+    // And what ends before it should says so.
+    let longer = [
+        "simulate",
+        "--json",
+        &model,
+        "--log",
+        &out,
+        "--duration",
+        "5",
+        "--out",
+    ];
+    let again = dir.path().join("again.csv").display().to_string();
+    let document = stdout_json(&pinode(&[&longer[..], &[&again]].concat()));
+    let words = document["warnings"][0].as_str().unwrap();
+    assert!(words.contains("lasts 2.000000 s, not 5 s"), "{words}");
+}
+
 #[test]
 fn evaluate_names_a_sample_whose_square_is_no_number() {
     let position = |k: u32| if k == 77 { -1e200 } else { 0.01 * f64::from(k) };
@@ -685,31 +739,31 @@ fn simulate_by_steps_that_adapt_ends_where_fixed_ones_do() {
 
 #[test]
 fn a_step_is_for_fixed_steps_and_a_tolerance_for_those_that_adapt() {
-    let simulate = |more: &[&str]| {
+    let simulate = |more: &[&str], code: i32| {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("t.csv");
         let path = out.display().to_string();
         let fixed = ["simulate", &cartpole(), "--out", &path];
         let output = pinode(&[&fixed[..], more].concat());
-        assert_eq!(output.status.code(), Some(1), "{more:?}");
+        assert_eq!(output.status.code(), Some(code), "{more:?}");
         assert!(!out.exists());
         stderr(&output)
     };
-    let step = simulate(&["--method", "tsit5", "--step", "1e-4"]);
+    let step = simulate(&["--method", "tsit5", "--step", "1e-4"], 2);
     assert!(
         step.contains("--step") && step.contains("--tolerance"),
         "{step}"
     );
-    let tolerance = simulate(&["--tolerance", "1e-4"]);
+    let tolerance = simulate(&["--tolerance", "1e-4"], 2);
     assert!(tolerance.contains("take --method adaptive"), "{tolerance}");
     #[cfg(feature = "adaptive")]
     {
-        let large = simulate(&["--method", "adaptive", "--tolerance", "2"]);
+        let large = simulate(&["--method", "adaptive", "--tolerance", "2"], 1);
         assert!(large.contains("relative tolerance is 2"), "{large}");
     }
     #[cfg(not(feature = "adaptive"))]
     {
-        let without = simulate(&["--method", "tr-bdf2"]);
+        let without = simulate(&["--method", "tr-bdf2"], 1);
         assert!(
             without.contains("--method tr-bdf2 needs the feature `adaptive`"),
             "{without}"

@@ -436,7 +436,7 @@ fn an_initial_state_of_the_wrong_length_is_told_the_names() {
             &dir,
             &["simulate", "m.toml", "--initial", initial, "--out", "t.csv"],
         );
-        assert_eq!(output.status.code(), Some(1));
+        assert_eq!(output.status.code(), Some(2));
         assert!(stderr(&output).contains(words), "{}", stderr(&output));
     }
     // Without one it starts unrotated in the origin.

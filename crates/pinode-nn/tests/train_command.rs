@@ -224,6 +224,14 @@ fn a_killed_training_resumes_to_the_same_bits_on_any_number_of_threads() {
     assert!(weights("whole") == weights("killed"));
     let model = |out: &str| std::fs::read(folder.join(out).join("model.toml")).unwrap();
     assert!(model("whole") == model("killed"));
+
+    // What is finished is not begun again over what it left.
+    let arguments = [TRAIN, &["--epochs", "2", "--out", "killed", "--resume"]].concat();
+    let refused = pinode(&arguments, folder);
+    assert_eq!(refused.status.code(), Some(1));
+    let words = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(words.contains("there is nothing to resume"), "{words}");
+    assert!(weights("whole") == weights("killed"));
 }
 
 #[test]

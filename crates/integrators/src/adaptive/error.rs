@@ -123,7 +123,7 @@ pub enum AdaptiveError<E> {
     },
     /// Steps became too small to advance time.
     #[error(
-        "at t = {time} s no step longer than {step:e} s meets the tolerance: look for a force that jumps or grows without bound, ask for less accuracy, or take an implicit method"
+        "at t = {time} s no step longer than {step:e} s meets the tolerance: look for a force that jumps or grows without bound, ask for less accuracy, or, where an explicit method meets stiff forces, take an implicit one"
     )]
     StepSize {
         /// s.

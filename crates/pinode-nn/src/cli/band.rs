@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use super::output::Output;
+use super::simulate::csv_line;
 use super::stepping::{Effort, Stepping};
 use crate::Error;
 use crate::band::{Band as Calibrated, COVERAGE, Width};
@@ -141,9 +142,9 @@ impl Band {
         let halves = widths
             .iter()
             .map(|(place, ..)| format!("{HALF}{}", name(*place)));
-        let names: Vec<String> = names.chain(halves).collect();
-        let run = if with_run { ",run" } else { "" };
-        let header = format!("t,{}{run}\n", names.join(","));
+        let names = std::iter::once("t".to_owned()).chain(names).chain(halves);
+        let names: Vec<String> = names.chain(with_run.then(|| "run".to_owned())).collect();
+        let header = String::from_utf8_lossy(&csv_line(&names)).into_owned();
         Ok(Some(Band {
             members: model.members(),
             file: file.map(|path| (path.clone(), header)),

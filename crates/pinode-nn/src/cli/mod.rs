@@ -106,9 +106,15 @@ pub fn run() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             output.error(&error);
-            ExitCode::from(1)
+            // Wrong usage is said by clap where it shows without a model, and ends the same way where it does not.
+            ExitCode::from(if is_usage(&error) { 2 } else { 1 })
         }
     }
+}
+
+/// Whether it is an option that is wrong.
+fn is_usage(error: &Error) -> bool {
+    matches!(error, Error::Problems(problems) if problems.source.starts_with("--"))
 }
 
 /// Sets the number of threads of everything that runs in parallel, once a process and before it starts. Results do not depend on

@@ -77,6 +77,7 @@ pub(super) struct Arguments {
 pub(super) fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(x) if x.is_finite() && x > 0.0 => Ok(x),
+        Ok(x) if x > 0.0 => Err(format!("{x} is not finite")),
         Ok(x) => Err(format!("{x} is not positive")),
         Err(e) => Err(e.to_string()),
     }
@@ -103,7 +104,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
         Some(path) => output.read_log(path, &model)?.runs,
         None => vec![still_run(&model, arguments)?],
     };
-    let mut text = header(&model, arguments.log.is_some()).into_bytes();
+    let mut text = header(&model, arguments.log.is_some());
     let (mut samples, mut effort) = (0, Effort::default());
     let all: Vec<&Run> = runs.iter().collect();
     let (mut taken, mut warnings) = (step, other_intervals(&model, &all));
@@ -111,6 +112,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     for mut run in runs {
         if let Some(duration) = arguments.duration {
             shorten(&mut run, duration);
+            warnings.extend(ends_early(&run, duration));
         }
         let initial = match (&given, &arguments.log) {
             (Some(given), _) => given.clone(),
@@ -312,6 +314,18 @@ fn still_run(model: &Model, arguments: &Arguments) -> Result<Run, Error> {
     })
 }
 
+/// Where a run does not last as long as was asked for.
+fn ends_early(run: &Run, duration: f64) -> Option<String> {
+    let (first, last) = (run.t.first()?, run.t.last()?);
+    let lasts = last - first;
+    (lasts < (1.0 - 1e-6) * duration).then(|| {
+        format!(
+            "run `{}`: the trajectory lasts {lasts:.6} s, not {duration} s: there are no samples after that, and no inputs",
+            run.id
+        )
+    })
+}
+
 /// Leaves the first `duration` s.
 pub(super) fn shorten(run: &mut Run, duration: f64) {
     let Some(&start) = run.t.first() else {
@@ -328,7 +342,8 @@ pub(super) fn shorten(run: &mut Run, duration: f64) {
     }
 }
 
-fn header(model: &Model, with_run: bool) -> String {
+/// The line of the columns, in which names stand in quotation marks where they need to.
+fn header(model: &Model, with_run: bool) -> Vec<u8> {
     let coordinates = model.mechanics.coordinates();
     let mut names = vec!["t".to_owned()];
     names.extend(q_names(coordinates));
@@ -337,7 +352,15 @@ fn header(model: &Model, with_run: bool) -> String {
     if with_run {
         names.push("run".into());
     }
-    names.join(",") + "\n"
+    csv_line(&names)
+}
+
+/// A line of a CSV file.
+pub(super) fn csv_line(fields: &[String]) -> Vec<u8> {
+    let mut line = csv::Writer::from_writer(Vec::new());
+    // Writing to memory does not fail.
+    let _ = line.write_record(fields);
+    line.into_inner().unwrap_or_default()
 }
 
 fn write_rows(

@@ -228,6 +228,9 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
     let checkpoints: Vec<PathBuf> = (0..count)
         .map(|k| out.join(numbered(CHECKPOINT, k, count)))
         .collect();
+    if arguments.resume {
+        refuse_finished(out, &checkpoints)?;
+    }
     let mut members = Vec::new();
     // One for all members: between two of them an interruption would find nothing running, and say nothing.
     let interruptible = Interruptible::training(Vec::new(), &made, output.quiet);
@@ -273,6 +276,18 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
     output.warnings(&report.warnings);
     let text = text(&report, &words);
     output.result(&report, &text)
+}
+
+/// A training that has come to its end left its model and no checkpoint: to go on with it would be to begin again, over what it left.
+fn refuse_finished(out: &Path, checkpoints: &[PathBuf]) -> Result<(), Error> {
+    let path = out.join(MODEL);
+    match path.exists() && !checkpoints.iter().any(|checkpoint| checkpoint.exists()) {
+        true => Err(Error::Checkpoint {
+            path,
+            what: "is that of a finished training: there is nothing to resume".into(),
+        }),
+        false => Ok(()),
+    }
 }
 
 /// The band of an ensemble, or why it has none.

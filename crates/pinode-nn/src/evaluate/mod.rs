@@ -7,8 +7,8 @@ use serde::Serialize;
 
 pub(crate) use self::ensemble::{Deviation, deviations};
 use self::ensemble::{Driven, members};
-use self::windows::Windows;
 pub(crate) use self::windows::{Channel, places};
+use self::windows::{Windows, whole_horizon};
 use crate::Error;
 use crate::band::Width;
 use crate::free_run::{Initial, LONGEST_STEP, longest_step, step_warning};
@@ -221,7 +221,7 @@ pub fn evaluate(model: &Model, logs: &[Log], options: &Options) -> Result<Evalua
         }
     }
     Ok(Evaluation {
-        horizon_s: options.horizon,
+        horizon_s: horizon(runs, places, options),
         windows: places.len(),
         diverged,
         initial: options.initial.name(),
@@ -269,11 +269,35 @@ fn warnings(model: &Model, runs: &[&Run], options: &Options) -> Vec<String> {
         let spanned = GAP * typical_interval(&run.t).unwrap_or(0.0);
         let taken = longest_step(&run.t, spanned, options.longest_step);
         let steps = step_warning(&run.id, taken, options.longest_step);
-        gap_warning(run).into_iter().chain(steps)
+        let horizon = horizon_warning(run, options.horizon);
+        gap_warning(run).into_iter().chain(steps).chain(horizon)
     };
     let mut warnings: Vec<String> = runs.iter().flat_map(of_run).collect();
     warnings.extend(other_intervals(model, runs));
     warnings
+}
+
+/// How long the windows are, s, the longest of several recordings.
+fn horizon(runs: &[&Run], places: &[(usize, usize, usize)], options: &Options) -> f64 {
+    let mut used: Vec<usize> = places.iter().map(|place| place.0).collect();
+    used.dedup();
+    let own = used.iter().filter_map(|&run| runs.get(run));
+    let lengths = own.filter_map(|run| whole_horizon(run, options.horizon));
+    let longest = lengths.fold(f64::NAN, f64::max);
+    if longest.is_nan() {
+        options.horizon
+    } else {
+        longest
+    }
+}
+
+/// Where windows are of another length than was asked for.
+fn horizon_warning(run: &Run, asked: f64) -> Option<String> {
+    let taken = whole_horizon(run, asked).filter(|taken| *taken != asked)?;
+    Some(format!(
+        "run `{}`: windows are {taken:.6} s long, not {asked} s: they are of whole sample intervals",
+        run.id
+    ))
 }
 
 /// How many gaps a recording has, and the longest of them.

@@ -67,7 +67,7 @@ pub(crate) fn places(
         let Some(typical) = typical_interval(&run.t) else {
             continue;
         };
-        let steps = (options.horizon / typical).round().max(1.0);
+        let steps = steps(options.horizon, typical);
         if steps >= run.len() as f64 {
             continue;
         }
@@ -85,6 +85,20 @@ pub(crate) fn places(
     (0..n)
         .filter_map(|i| possible.get(i * possible.len() / n).copied())
         .collect()
+}
+
+/// Whole intervals in a horizon, at least one.
+fn steps(horizon: f64, typical: f64) -> f64 {
+    (horizon / typical).round().max(1.0)
+}
+
+/// How long the windows of a horizon are in a recording, s: of whole intervals.
+pub(super) fn whole_horizon(run: &Run, horizon: f64) -> Option<f64> {
+    let typical = typical_interval(&run.t)?;
+    let whole = steps(horizon, typical) * typical;
+    // Times of samples are rounded.
+    let same = (whole - horizon).abs() < 1e-3 * typical;
+    Some(if same { horizon } else { whole })
 }
 
 /// The windows of an evaluation, and where they begin.

@@ -1,8 +1,8 @@
 //! Initial states alone, while θ stays: no window knows of the others, and each is done when its own steps gain nothing.
 
+use super::Window;
 use super::fit::{Ended, Going, WORTH_GOING_ON};
 use super::problem::{Problem, Rolled};
-use super::Window;
 
 /// A window is done when a step of its initial state gains no more, nats.
 const DONE: f64 = 1e-2;
