@@ -7,6 +7,7 @@ mod held;
 mod masked;
 mod noise;
 mod outliers;
+mod rates;
 mod second_look;
 mod slips;
 mod stamps;
@@ -71,10 +72,13 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
         .chain(held_out)
         .flat_map(|log| &log.runs)
         .collect();
-    // Velocities count only where they are measured everywhere, and are not differences of the positions after all.
+    let other_rates: Vec<Option<DataFault>> =
+        (0..nv).map(|c| rates_fault(model, &all, c)).collect();
+    // Velocities count only where they are measured everywhere, are those of the positions, and not differences of them after all.
     let measured_velocity: Vec<usize> = (0..nv)
         .filter(|&c| {
             model.sensors[c].velocity == Velocity::Measured
+                && other_rates[c].is_none()
                 && all.iter().all(|run| {
                     run.v[c]
                         .as_ref()
@@ -109,7 +113,7 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
     }
 
     let (times, rounded) = stamps::times(&all);
-    let mut faults = Vec::new();
+    let mut faults: Vec<DataFault> = other_rates.into_iter().flatten().collect();
     let mut valid: Vec<Vec<Vec<bool>>> = Vec::new();
     let mut slipped: Vec<Slipped> = Vec::new();
     let mut masked = Masked::none(all.len());
@@ -276,6 +280,20 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
         faults,
         masked,
     }
+}
+
+/// Velocities that are not the rates of a coordinate's positions.
+fn rates_fault(model: &Model, runs: &[&Run], c: usize) -> Option<DataFault> {
+    let coordinate = &model.mechanics.coordinates()[c];
+    let unfolded = |run: &&Run| match coordinate.wraps {
+        true => unwrapped(&run.q[c]),
+        false => run.q[c].clone(),
+    };
+    let q: Vec<Vec<f64>> = runs.iter().map(unfolded).collect();
+    let readings = runs.iter().zip(&q);
+    let readings: Vec<Readings> = readings.map(|(run, y)| Readings { t: &run.t, y }).collect();
+    let noise = noise(&readings);
+    rates::fault(runs, c, (&q, noise), &format!("v.{}", coordinate.name))
 }
 
 /// The noise of a sensor whose readings scatter by `seen`: as declared with its steps, where what is seen does not contradict it; else no less than the `least`
