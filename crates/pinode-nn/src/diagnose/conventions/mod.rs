@@ -33,6 +33,8 @@ const LESS: f64 = 4.0;
 const NO_MORE: f64 = 1.3;
 /// … and of what it reads otherwise no more than this.
 const MOST_LEFT: f64 = 0.3;
+/// An input in other units leaves no more than this of anything: a limit or a dead zone, beside which a smaller input does better too, leaves more.
+const LEFT_BY_A_UNIT: f64 = 0.05;
 /// Two ways are as good within this factor.
 const AS_GOOD: f64 = 1.5;
 /// Two changes at once are tried where that is no more than so many fits.
@@ -250,7 +252,7 @@ fn explains_more(windows: &Windows, before: &[f64], tried: &Tried) -> bool {
     let mut moving = (0..before.len()).filter(|&c| windows.moves(c));
     let read = |r: &Reading| match r.signal {
         Signal::Coordinate(c) => !windows.moves(c) || tried.left[c] < MOST_LEFT,
-        Signal::Input(_) => true,
+        Signal::Input(_) => !r.is_unit_of_input() || windows.worst(&tried.left) < LEFT_BY_A_UNIT,
     };
     windows.score(&tried.left) < windows.score(before) - LESS.ln()
         && moving.all(|c| tried.left[c] <= NO_MORE * before[c] + NONE)

@@ -18,12 +18,11 @@ const UNITS: [(f64, &str); 3] = [
     (CENTIMETRE, "centimetres"),
 ];
 
-/// What an input may be counted in, and how people say it: millinewtons or percent, for two.
-const PARTS: [(f64, &str); 6] = [
+/// What an input may be counted in, and how people say it: millinewtons or percent, for two. Nobody counts in tenths: a motor that does a tenth of what it is
+/// told has another gain, or a limit.
+const PARTS: [(f64, &str); 4] = [
     (1e-3, "thousandths"),
     (1e-2, "hundredths"),
-    (0.1, "tenths"),
-    (10.0, "tens"),
     (100.0, "hundreds"),
     (1e3, "thousands"),
 ];
@@ -64,6 +63,11 @@ impl Reading {
     fn reads(&self, column: &[f64]) -> Vec<f64> {
         let read = |x: &f64| self.scale * x + self.offset;
         column.iter().map(read).collect()
+    }
+
+    /// Whether it is an input in other units.
+    pub fn is_unit_of_input(&self) -> bool {
+        matches!(self.signal, Signal::Input(_)) && self.scale.abs() != 1.0
     }
 
     /// Where the signal stands in a log whose own signals stand where `columns` says.
