@@ -309,7 +309,7 @@ fn what_cannot_be_trained_is_said_before_the_work() {
             "to see v.x twice",
         ),
         (&["--joint", "x", "--units", "0"], "has no unit"),
-        (&["--joint", "x", "--horizon", "80"], "no window of 79.99"),
+        (&["--joint", "x", "--horizon", "80"], "no window of 80 s"),
         (&["--joint", "x", "--rate", "0"], "learning rate is 0"),
         (
             &["--joint", "x", "--step", "1e-300"],
