@@ -201,7 +201,7 @@ pub fn changing(change: &Change) -> String {
     )
 }
 
-/// How stiff the spring is at least by which the inertia of a motor may be driven and not show.
+/// A spring by which the motor whose inertia was found may drive its joint and not show; what would show it.
 pub fn unseen_spring(spring: &UnseenSpring, hybrid: &Hybrid, inputs: &[Input]) -> Option<String> {
     let Candidate { kind, target } = spring.candidate;
     let input = &inputs.get(target)?.name;
@@ -213,7 +213,7 @@ pub fn unseen_spring(spring: &UnseenSpring, hybrid: &Hybrid, inputs: &[Input]) -
     };
     Some(format!(
         "the inertia found on `{}` may be that of the motor of `{input}` behind an elastic transmission: a spring of {} {unit} does as well in these \
-         data; sharp steps of the input, sampled faster than the motor swings on its spring, would show them.",
+         data; sharp steps of the input, sampled faster than the motor swings on its spring, would show it.",
         joint.name,
         number(spring.stiffness)
     ))
