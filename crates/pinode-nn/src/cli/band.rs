@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
+use super::csv_line::csv_line;
 use super::output::Output;
-use super::simulate::csv_line;
 use super::stepping::{Effort, Stepping};
 use crate::Error;
 use crate::band::{Band as Calibrated, COVERAGE, Width};

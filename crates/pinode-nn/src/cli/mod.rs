@@ -5,6 +5,7 @@
 
 mod band;
 mod check;
+mod csv_line;
 mod diagnose;
 mod dynamics;
 mod equations;

@@ -11,6 +11,7 @@ use lagrange::{Problem, Problems, state};
 use serde_json::json;
 
 use super::band::Band;
+use super::csv_line::csv_line;
 use super::output::Output;
 use super::stepping::{Effort, Stepping};
 use crate::Error;
@@ -353,14 +354,6 @@ fn header(model: &Model, with_run: bool) -> Vec<u8> {
         names.push("run".into());
     }
     csv_line(&names)
-}
-
-/// A line of a CSV file.
-pub(super) fn csv_line(fields: &[String]) -> Vec<u8> {
-    let mut line = csv::Writer::from_writer(Vec::new());
-    // Writing to memory does not fail.
-    let _ = line.write_record(fields);
-    line.into_inner().unwrap_or_default()
 }
 
 fn write_rows(

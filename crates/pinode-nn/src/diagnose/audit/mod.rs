@@ -28,6 +28,7 @@ pub use excitation::excitation;
 pub use masked::Masked;
 use noise::is_difference;
 pub use noise::{Readings, median, noise};
+pub use rates::scale_of_time;
 pub use second_look::second_look;
 use slips::{Slip, Slipped};
 
@@ -73,7 +74,7 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
         .flat_map(|log| &log.runs)
         .collect();
     let other_rates: Vec<Option<DataFault>> =
-        (0..nv).map(|c| rates_fault(model, &all, c)).collect();
+        (0..nv).map(|c| rates::fault(model, &all, c)).collect();
     // Velocities count only where they are measured everywhere, are those of the positions, and not differences of them after all.
     let measured_velocity: Vec<usize> = (0..nv)
         .filter(|&c| {
@@ -280,20 +281,6 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
         faults,
         masked,
     }
-}
-
-/// Velocities that are not the rates of a coordinate's positions.
-fn rates_fault(model: &Model, runs: &[&Run], c: usize) -> Option<DataFault> {
-    let coordinate = &model.mechanics.coordinates()[c];
-    let unfolded = |run: &&Run| match coordinate.wraps {
-        true => unwrapped(&run.q[c]),
-        false => run.q[c].clone(),
-    };
-    let q: Vec<Vec<f64>> = runs.iter().map(unfolded).collect();
-    let readings = runs.iter().zip(&q);
-    let readings: Vec<Readings> = readings.map(|(run, y)| Readings { t: &run.t, y }).collect();
-    let noise = noise(&readings);
-    rates::fault(runs, c, (&q, noise), &format!("v.{}", coordinate.name))
 }
 
 /// The noise of a sensor whose readings scatter by `seen`: as declared with its steps, where what is seen does not contradict it; else no less than the `least`

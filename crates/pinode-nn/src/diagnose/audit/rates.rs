@@ -4,8 +4,10 @@
 //! for the time by which one of them is late.
 
 use super::super::verdict::DataFault;
-use super::noise::median;
+use super::noise::{Readings, median, noise};
+use crate::diagnose::smooth::unwrapped;
 use crate::log::Run;
+use crate::model::Model;
 
 /// Samples of a span: of slow motion, and of one that swings to and fro within that.
 const SPANS: [usize; 2] = [10, 3];
@@ -18,44 +20,99 @@ const OFF: f64 = 0.5;
 /// What is left of Δq by a constant factor on v where that is all that is wrong.
 const BY_A_FACTOR: f64 = 0.1;
 
-/// The velocities of a coordinate in some recordings, `q` its positions without the turns and `noise` theirs, where they are not its rates.
-pub fn fault(
-    runs: &[&Run],
-    coordinate: usize,
-    (q, noise): (&[Vec<f64>], f64),
-    column: &str,
-) -> Option<DataFault> {
+/// Factors of different joints that differ by less than this are one.
+const SAME: f64 = 0.05;
+/// Factors that people choose, but for powers of ten.
+const ROUND: [f64; 5] = [1.0, 2.0, 4.0, 5.0, 6.0];
+
+/// The velocities of a coordinate in some recordings, where they are not the rates of its positions.
+pub fn fault(model: &Model, runs: &[&Run], c: usize) -> Option<DataFault> {
+    let coordinate = &model.mechanics.coordinates()[c];
+    let compared = compared(runs, c, coordinate.wraps)?;
+    if compared.off <= OFF {
+        return None;
+    }
+    let what = match compared.factor {
+        Some(factor) => format!(
+            "they are {factor:.4} times those: their unit or sign is another one, or `t` counts otherwise"
+        ),
+        None => format!(
+            "over short spans they are off by {:.0} % of the way that it goes",
+            100.0 * compared.off
+        ),
+    };
+    Some(DataFault {
+        kind: "velocity".into(),
+        column: format!("v.{}", coordinate.name),
+        when: Vec::new(),
+        detail: format!(
+            "these are not the rates of the positions: {what}; they are left out of all fits, and nothing should start from them"
+        ),
+    })
+}
+
+/// What `t` has to be multiplied by for the velocities to be the rates of the positions, all by the same factor; a round number where one is near. `None` where
+/// they are so as it is, or by no factor.
+pub fn scale_of_time(model: &Model, runs: &[&Run]) -> Option<f64> {
+    let coordinates = model.mechanics.coordinates().iter().enumerate();
+    let compared = coordinates.filter_map(|(c, coordinate)| compared(runs, c, coordinate.wraps));
+    let factors: Vec<f64> = compared
+        .map(|compared| compared.factor)
+        .collect::<Option<_>>()?;
+    let factor = median(&mut factors.clone());
+    let is_that = |of_joint: &f64| (of_joint / factor - 1.0).abs() < SAME;
+    let is_another = factor > 0.0 && (factor - 1.0).abs() > OFF;
+    if factors.is_empty() || !is_another || !factors.iter().all(is_that) {
+        return None;
+    }
+    let scale = factor.recip();
+    let tens = 10.0_f64.powi(scale.log10().floor() as i32);
+    let round = ROUND.iter().map(|digit| digit * tens);
+    let round = round.chain([10.0 * tens]);
+    let near = |round: &f64| (round / scale - 1.0).abs() < SAME;
+    Some(round.into_iter().find(near).unwrap_or(scale))
+}
+
+/// ∫ v dt beside Δq.
+struct Compared {
+    /// By how much it is off, as a part of Δq and in the middle.
+    off: f64,
+    /// How many times Δq it is, where that is all that is wrong.
+    factor: Option<f64>,
+}
+
+/// `None` where no velocities were measured, or too little moves.
+fn compared(runs: &[&Run], coordinate: usize, wraps: bool) -> Option<Compared> {
+    let measured = runs.iter().filter(|run| run.v[coordinate].is_some());
+    let measured: Vec<&&Run> = measured.collect();
+    if measured.is_empty() {
+        return None;
+    }
+    let unfolded = |run: &&&Run| match wraps {
+        true => unwrapped(&run.q[coordinate]),
+        false => run.q[coordinate].clone(),
+    };
+    let q: Vec<Vec<f64>> = measured.iter().map(unfolded).collect();
+    let readings = measured.iter().zip(&q);
+    let readings: Vec<Readings> = readings.map(|(run, y)| Readings { t: &run.t, y }).collect();
+    let noise = noise(&readings);
     let of_span = |samples: usize| {
-        let of_run = |(run, q): (&&Run, &Vec<f64>)| {
+        let of_run = |(run, q): (&&&Run, &Vec<f64>)| {
             let v = run.v[coordinate].as_deref();
             v.map_or(Vec::new(), |v| spans(samples, &run.t, q, v))
         };
-        let all = runs.iter().zip(q).flat_map(of_run);
+        let all = measured.iter().zip(&q).flat_map(of_run);
         let moving = all.filter(|[dq, _]| dq.abs() > MOVES * noise);
         moving.collect::<Vec<[f64; 2]>>()
     };
     let moving = SPANS.map(of_span);
     let told = moving.iter().filter(|spans| spans.len() >= FEWEST);
     let best = told.min_by(|a, b| left(a, 1.0).total_cmp(&left(b, 1.0)))?;
-    if left(best, 1.0) <= OFF {
-        return None;
-    }
     let ratios = best.iter().map(|[dq, by_v]| by_v / dq);
-    let ratio = median(&mut ratios.collect::<Vec<f64>>());
-    let what = match ratio != 0.0 && left(best, ratio.recip()) < BY_A_FACTOR {
-        true => format!("they are {ratio:.4} times those: their unit or sign is another one"),
-        false => format!(
-            "over short spans they are off by {:.0} % of the way that it goes",
-            100.0 * left(best, 1.0)
-        ),
-    };
-    Some(DataFault {
-        kind: "velocity".into(),
-        column: column.to_owned(),
-        when: Vec::new(),
-        detail: format!(
-            "these are not the rates of the positions: {what}; they are left out of all fits, and nothing should start from them"
-        ),
+    let factor = median(&mut ratios.collect::<Vec<f64>>());
+    Some(Compared {
+        off: left(best, 1.0),
+        factor: (factor != 0.0 && left(best, factor.recip()) < BY_A_FACTOR).then_some(factor),
     })
 }
 
@@ -82,6 +139,8 @@ fn spans(samples: usize, t: &[f64], q: &[f64], v: &[f64]) -> Vec<[f64; 2]> {
 mod tests {
     #![allow(clippy::unwrap_used)]
 
+    use std::path::Path;
+
     use super::*;
 
     /// rad/s.
@@ -103,9 +162,13 @@ mod tests {
         }
     }
 
+    fn model() -> Model {
+        let text = "lagrangian = { coordinates = [\"joint\"], kinetic = \"0.5*joint_dot^2\", potential = \"18*joint^2\" }\n";
+        Model::parse(Path::new("swing.toml"), text.to_owned()).unwrap()
+    }
+
     fn found(run: &Run) -> Option<String> {
-        let q = (&run.q[..], 1e-3);
-        fault(&[run], 0, q, "v.joint").map(|fault| fault.detail)
+        fault(&model(), &[run], 0).map(|fault| fault.detail)
     }
 
     #[test]
@@ -135,5 +198,26 @@ mod tests {
         assert!(told(&|t| -rate(t)).contains("-0.99") || told(&|t| -rate(t)).contains("-1.00"));
         assert!(told(&|_| 0.0).contains("off by 100 %"));
         assert!(told(&|t| FREQUENCY * (11.0 * t).cos()).contains("off by"));
+    }
+
+    #[test]
+    fn a_clock_that_runs_at_another_pace_is_told_by_the_velocities() {
+        let paced = |pace: f64, velocity: f64| {
+            let mut run = swing(|t| velocity * rate(t));
+            for t in &mut run.t {
+                *t *= pace;
+            }
+            scale_of_time(&model(), &[&run])
+        };
+        assert_eq!(paced(1.0, 1.0), None);
+        assert_eq!(paced(2.0, 1.0), Some(0.5));
+        assert_eq!(paced(0.1, 1.0), Some(10.0));
+        assert_eq!(paced(1e3, 1.0), Some(1e-3));
+        assert!((paced(1.0 / 3.0, 1.0).unwrap() - 3.0).abs() < 0.05);
+        // That is a sign, and no time runs backwards.
+        assert_eq!(paced(1.0, -1.0), None);
+        let mut without = swing(rate);
+        without.v[0] = None;
+        assert_eq!(scale_of_time(&model(), &[&without]), None);
     }
 }

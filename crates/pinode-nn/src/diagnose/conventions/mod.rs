@@ -63,7 +63,7 @@ pub fn as_meant<'a>(
     held_out: &'a [Log],
     report: &dyn Fn(&str),
 ) -> Result<AsMeant<'a>, Error> {
-    let found = meant(model, logs, report);
+    let found = meant(model, logs, report).into_reading();
     let own = || Some((logs.first()?, logs.first()?.columns(model)));
     let (mut faults, mut columns) = (Vec::new(), Vec::new());
     if let (Some(found), Some((log, own))) = (&found, own()) {
@@ -71,15 +71,11 @@ pub fn as_meant<'a>(
         let of_reading = |reading: &Reading| mappings(reading, model, (log, &own));
         columns = found.readings.iter().flat_map(of_reading).collect();
     }
-    // What is held out may have been recorded by others.
-    let other = Windows::of(model, held_out).and_then(|windows| {
-        let well = windows.worst(&windows.shares(&[])) < WELL;
-        match otherwise(model, held_out, &windows, report) {
-            Some(found) => Some(Some(found)),
-            None => well.then_some(None),
-        }
-    });
-    let of_held_out = other.unwrap_or_else(|| found.clone());
+    // What is held out may have been recorded by others; where it does not tell, it counts as what is seen.
+    let of_held_out = match meant(model, held_out, report) {
+        Meant::Unclear => found.clone(),
+        told => told.into_reading(),
+    };
     if let (Some(other), Some(log)) = (&of_held_out, held_out.first())
         && found.as_ref().map(|found| &found.readings) != Some(&other.readings)
     {
@@ -96,10 +92,23 @@ pub fn as_meant<'a>(
     })
 }
 
-/// How the logs are to be read; none as they are.
-fn meant(model: &Model, logs: &[Log], report: &dyn Fn(&str)) -> Option<Otherwise> {
-    let windows = Windows::of(model, logs)?;
-    otherwise(model, logs, &windows, report)
+/// How logs are to be read.
+enum Meant {
+    /// As they are: so the model explains them well.
+    AsTheyAre,
+    Otherwise(Otherwise),
+    /// There is too little to look at, or the model explains them well in no way.
+    Unclear,
+}
+
+impl Meant {
+    /// How they are read otherwise; none where they are read as they are.
+    fn into_reading(self) -> Option<Otherwise> {
+        match self {
+            Meant::Otherwise(found) => Some(found),
+            Meant::AsTheyAre | Meant::Unclear => None,
+        }
+    }
 }
 
 /// The logs, read so.
@@ -173,16 +182,14 @@ impl Otherwise {
     }
 }
 
-/// How the log is to be read where the model explains it far better so.
-fn otherwise(
-    model: &Model,
-    logs: &[Log],
-    windows: &Windows,
-    report: &dyn Fn(&str),
-) -> Option<Otherwise> {
+/// How the logs are to be read: otherwise where the model explains them far better so.
+fn meant(model: &Model, logs: &[Log], report: &dyn Fn(&str)) -> Meant {
+    let Some(windows) = Windows::of(model, logs) else {
+        return Meant::Unclear;
+    };
     let given = windows.shares(&[]);
     if windows.worst(&given) < WELL {
-        return None;
+        return Meant::AsTheyAre;
     }
     report("asking whether the log counts as the model does");
     let singles = changes(model, logs);
@@ -190,8 +197,8 @@ fn otherwise(
     let mut others = Vec::new();
     while windows.worst(&left) > WELL {
         let with = |change: &Change| -> Vec<Reading> { [&readings[..], change].concat() };
-        let mut tried = tried_ways(windows, singles.iter().map(with).collect());
-        let helps = |tried: &[Tried]| tried.iter().any(|t| explains_more(windows, &left, t));
+        let mut tried = tried_ways(&windows, singles.iter().map(with).collect());
+        let helps = |tried: &[Tried]| tried.iter().any(|t| explains_more(&windows, &left, t));
         let pairs = singles.len() * singles.len() / 2;
         if readings.is_empty() && !helps(&tried) && pairs <= MOST_PAIRS {
             let pair = |(k, first): (usize, &Change)| {
@@ -199,16 +206,19 @@ fn otherwise(
                 let pair: Vec<Change> = rest.map(|second| [&first[..], second].concat()).collect();
                 pair
             };
-            tried = tried_ways(windows, singles.iter().enumerate().flat_map(pair).collect());
+            tried = tried_ways(
+                &windows,
+                singles.iter().enumerate().flat_map(pair).collect(),
+            );
         }
-        tried.retain(|t| explains_more(windows, &left, t));
+        tried.retain(|t| explains_more(&windows, &left, t));
         let score = |t: &Tried| windows.score(&t.left);
         let least = tried.iter().map(score).fold(f64::INFINITY, f64::min);
         tried.retain(|t| score(t) < least + AS_GOOD.ln());
         // An input that acts the other way round is an effect, which the search finds.
         let is_reversed = |r: &Reading| matches!(r.signal, Signal::Input(_)) && r.scale < 0.0;
         if tried.iter().any(|t| t.readings.iter().all(is_reversed)) {
-            return None;
+            return Meant::Unclear;
         }
         let Some(best) = tried.first().cloned() else {
             break;
@@ -217,7 +227,7 @@ fn otherwise(
         (readings, left) = (best.readings, best.left);
     }
     if readings.is_empty() {
-        return None;
+        return Meant::Unclear;
     }
     // In a mirror all signs are others, and many a mechanism moves as before.
     let in_mirror = mirrored(model, &readings);
@@ -226,7 +236,7 @@ fn otherwise(
     {
         others.push(in_mirror);
     }
-    Some(Otherwise {
+    Meant::Otherwise(Otherwise {
         shares: [windows.worst(&given), windows.worst(&left)],
         readings,
         others,
@@ -252,6 +262,7 @@ fn explains_more(windows: &Windows, before: &[f64], tried: &Tried) -> bool {
     let mut moving = (0..before.len()).filter(|&c| windows.moves(c));
     let read = |r: &Reading| match r.signal {
         Signal::Coordinate(c) => !windows.moves(c) || tried.left[c] < MOST_LEFT,
+        Signal::Time => true,
         Signal::Input(_) => !r.is_unit_of_input() || windows.worst(&tried.left) < LEFT_BY_A_UNIT,
     };
     windows.score(&tried.left) < windows.score(before) - LESS.ln()

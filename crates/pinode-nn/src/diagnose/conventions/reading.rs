@@ -2,6 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
+use crate::diagnose::audit::scale_of_time;
 use crate::entries::{q_names, v_names};
 use crate::log::{ColumnMap, Log, Mapping, Run};
 use crate::model::Model;
@@ -27,14 +28,28 @@ const PARTS: [(f64, &str); 4] = [
     (1e3, "thousands"),
 ];
 
+/// What a log calls its time.
+const TIME: &str = "t";
+
 /// What moves further than this in a log, rad or m, may be in smaller units.
 const FAR: (f64, f64) = (2.0 * PI, 2.0);
 
 /// A signal of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Signal {
+    Time,
     Coordinate(usize),
     Input(usize),
+}
+
+impl Signal {
+    /// Its place among those of its sort.
+    fn place(self) -> usize {
+        match self {
+            Signal::Time => 0,
+            Signal::Coordinate(place) | Signal::Input(place) => place,
+        }
+    }
 }
 
 /// How a signal is read: scale · (that signal `from` of the log) + offset.
@@ -51,10 +66,9 @@ pub type Change = Vec<Reading>;
 
 impl Reading {
     fn of(signal: Signal, scale: f64, offset: f64) -> Self {
-        let (Signal::Coordinate(from) | Signal::Input(from)) = signal;
         Reading {
             signal,
-            from,
+            from: signal.place(),
             scale,
             offset,
         }
@@ -72,10 +86,9 @@ impl Reading {
 
     /// Where the signal stands in a log whose own signals stand where `columns` says.
     fn mapping(&self, names: impl Fn(usize) -> String, columns: &ColumnMap) -> Mapping {
-        let (Signal::Coordinate(own) | Signal::Input(own)) = self.signal;
         let old = columns.of(&names(self.from));
         Mapping {
-            signal: names(own),
+            signal: names(self.signal.place()),
             column: old.column,
             scale: self.scale * old.scale,
             offset: self.scale * old.offset + self.offset,
@@ -102,7 +115,9 @@ fn range(logs: &[Log], c: usize) -> f64 {
 /// All that may be otherwise by itself in the logs of a model; what is most usual first.
 pub fn changes(model: &Model, logs: &[Log]) -> Vec<Change> {
     let coordinates = model.mechanics.coordinates();
-    let mut all: Vec<Change> = Vec::new();
+    let runs: Vec<&Run> = logs.iter().flat_map(|log| &log.runs).collect();
+    let time = scale_of_time(model, &runs).map(|scale| vec![Reading::of(Signal::Time, scale, 0.0)]);
+    let mut all: Vec<Change> = time.into_iter().collect();
     for (c, coordinate) in coordinates.iter().enumerate() {
         let (far, units, zeros) = match coordinate.angular {
             true => (FAR.0, &[DEGREE][..], &[0.0, PI, FRAC_PI_2, -FRAC_PI_2][..]),
@@ -155,6 +170,7 @@ pub fn read(readings: &[Reading], run: &Run) -> Run {
     let mut read = run.clone();
     for reading in readings {
         match reading.signal {
+            Signal::Time => read.t = reading.reads(&run.t),
             Signal::Coordinate(c) => {
                 read.q[c] = reading.reads(&run.q[reading.from]);
                 let rates = Reading {
@@ -177,6 +193,7 @@ pub fn mappings(
 ) -> Vec<Mapping> {
     let coordinates = model.mechanics.coordinates();
     match reading.signal {
+        Signal::Time => vec![reading.mapping(|_| TIME.to_owned(), columns)],
         Signal::Coordinate(_) => {
             let (q, v) = (q_names(coordinates), v_names(coordinates));
             let rates = Reading {
@@ -200,6 +217,7 @@ pub fn mappings(
 /// The signal of a reading as a log calls it.
 pub fn name(reading: &Reading, model: &Model) -> String {
     match reading.signal {
+        Signal::Time => TIME.to_owned(),
         Signal::Coordinate(c) => q_names(model.mechanics.coordinates())[c].clone(),
         Signal::Input(i) => format!("u.{}", model.inputs[i].name),
     }
@@ -207,10 +225,10 @@ pub fn name(reading: &Reading, model: &Model) -> String {
 
 /// Such as “`q.pole` is in degrees and counts the other way round”.
 pub fn words(reading: &Reading, model: &Model) -> String {
-    let (Signal::Coordinate(own) | Signal::Input(own)) = reading.signal;
     let mut said: Vec<String> = Vec::new();
-    if reading.from != own {
+    if reading.from != reading.signal.place() {
         let other = match reading.signal {
+            Signal::Time => Signal::Time,
             Signal::Coordinate(_) => Signal::Coordinate(reading.from),
             Signal::Input(_) => Signal::Input(reading.from),
         };
@@ -219,6 +237,10 @@ pub fn words(reading: &Reading, model: &Model) -> String {
     }
     let size = reading.scale.abs();
     match reading.signal {
+        Signal::Time => said.push(format!(
+            "counts {} s as one, as the velocities say too",
+            reading.scale
+        )),
         Signal::Coordinate(_) => {
             let unit = UNITS.iter().find(|(unit, _)| *unit == size);
             said.extend(unit.map(|(_, plural)| format!("is in {plural}")));

@@ -12,6 +12,7 @@ const CART: f64 = 0.6;
 const BOB: f64 = 0.15;
 const LENGTH: f64 = 0.4;
 const NOISE: (f64, f64) = (5e-4, 1e-3);
+const RATE_NOISE: f64 = 1e-2;
 
 /// (x, φ from hanging, ẋ, φ̇) after 20 ms under a force on the cart, which rubs.
 fn after(state: [f64; 4], force: f64, rubbing: f64) -> [f64; 4] {
@@ -34,6 +35,13 @@ fn after(state: [f64; 4], force: f64, rubbing: f64) -> [f64; 4] {
 
 /// 20 s of x, φ and the force that a spring with a random will makes.
 fn recording(rubbing: f64) -> Vec<[f64; 3]> {
+    let with_rates = recording_with_rates(rubbing);
+    let without = with_rates.into_iter().map(|[x, phi, u, ..]| [x, phi, u]);
+    without.collect()
+}
+
+/// With ẋ and φ̇ after them.
+fn recording_with_rates(rubbing: f64) -> Vec<[f64; 5]> {
     let mut rng = ChaCha8Rng::seed_from_u64(4);
     let (mut state, mut will) = ([0.0, 0.5, 0.0, 0.0], 0.0);
     let mut rows = Vec::new();
@@ -43,7 +51,14 @@ fn recording(rubbing: f64) -> Vec<[f64; 3]> {
         }
         let force = will - 8.0 * state[0] - 1.5 * state[2];
         let mut noise = |size: f64| size * rng.random_range(-1.7..1.7);
-        rows.push([state[0] + noise(NOISE.0), state[1] + noise(NOISE.1), force]);
+        let [x, phi] = [state[0] + noise(NOISE.0), state[1] + noise(NOISE.1)];
+        rows.push([
+            x,
+            phi,
+            force,
+            state[2] + noise(RATE_NOISE),
+            state[3] + noise(RATE_NOISE),
+        ]);
         state = after(state, force, rubbing);
     }
     rows
@@ -125,6 +140,32 @@ fn signs_zeros_and_units_are_read_as_they_are_meant_beside_friction_that_is_miss
         let exchanged = log(&model, &rows, |[x, phi, u]| [phi, x, u]);
         let columns = ["q.x = \"q.phi\"", "q.phi = \"q.x\""];
         assert_eq!(found(&model, &exchanged), columns);
+    }
+}
+
+/// A recorder that takes 100 samples a second and says 50.
+#[test]
+fn a_clock_at_half_its_pace_is_told_where_the_velocities_say_so_too() {
+    let model = model();
+    let log = |pace: f64| {
+        let mut text = "t,q.x,q.phi,u.motor,v.x,v.phi\n".to_owned();
+        for (k, [x, phi, u, rate, turning]) in recording_with_rates(0.3).iter().enumerate() {
+            let t = pace * k as f64 * 0.02;
+            text += &format!("{t:.3},{x},{phi},{u},{rate},{turning}\n");
+        }
+        let channels = Channels {
+            coordinates: model.mechanics.coordinates(),
+            velocities: &[true, true],
+            inputs: &["motor"],
+            columns: &model.columns,
+        };
+        Log::parse(Path::new("log.csv"), text.as_bytes(), &channels).unwrap()
+    };
+    assert_eq!(found(&model, &log(1.0)), [""; 0]);
+    for pace in [2.0, 0.5] {
+        let scale = 1.0 / pace;
+        let column = format!("t = {{ column = \"t\", scale = {scale:?} }}");
+        assert_eq!(found(&model, &log(pace)), [column]);
     }
 }
 

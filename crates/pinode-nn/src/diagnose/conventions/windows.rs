@@ -1,9 +1,10 @@
 //! What a model leaves of some short windows of a log that are read in some way.
 
-use super::reading::{Reading, read};
+use super::reading::{Reading, Signal, read};
 use crate::diagnose::audit::{Readings, median, noise};
 use crate::diagnose::setup::{COARSEST_STEP, STIFF_STEP, WINDOW_S, dominant_frequency};
 use crate::diagnose::smooth::{polynomial, smooth, unwrapped};
+use crate::diagnose::study::MOST_SUBSTEPS;
 use crate::effect::{ActsOn, registry};
 use crate::hybrid::{Hybrid, Placed};
 use crate::log::{Log, Run};
@@ -94,6 +95,8 @@ impl Windows {
     /// What the model leaves of each coordinate where the log is read so, over what the straight line does. Infinite where roll-outs diverge.
     pub fn shares(&self, readings: &[Reading]) -> Vec<f64> {
         let hybrid = &self.hybrid;
+        let time = readings.iter().find(|r| r.signal == Signal::Time);
+        let pace = time.map_or(1.0, |time| time.scale);
         let runs = self.runs.iter().map(|run| read(readings, run));
         let runs: Vec<Run> = runs.collect();
         let sizes = self.wraps.iter().enumerate();
@@ -107,7 +110,7 @@ impl Windows {
         };
         let theta = hybrid.theta();
         let start = |run: &ObservedRun| {
-            let mut state = smooth(run, &self.wraps, self.half_width).state(0);
+            let mut state = smooth(run, &self.wraps, pace * self.half_width).state(0);
             hybrid.keep_before_stops(&theta, &mut state);
             state.resize(hybrid.nx(), 0.0);
             state
@@ -130,7 +133,9 @@ impl Windows {
             observations.noise(),
             &hidden,
             &FitOptions {
-                substeps: self.substeps,
+                substeps: (pace * self.substeps as f64)
+                    .ceil()
+                    .clamp(1.0, MOST_SUBSTEPS as f64) as usize,
                 state_iterations: ITERATIONS.0,
                 iterations: ITERATIONS.1,
             },
