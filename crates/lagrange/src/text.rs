@@ -5,6 +5,7 @@ use std::fmt;
 use crate::caret;
 use crate::constraint::{Constraint, Equation, TextConstraints};
 use crate::expression::{is_identifier, is_plain, nearest, reserved};
+use crate::trace::mass_depends_on_velocity;
 use crate::{Coordinate, Expression, ExpressionError, Lagrangian, Parameter, Role, Scalar};
 
 /// The energies of a mechanism as text, see [`TextLagrangian`].
@@ -225,6 +226,13 @@ impl TextLagrangian {
             Ok(quadratic) => lagrangian.kinetic_is_quadratic = quadratic,
             Err(problems) => return Err(problems),
         }
+        if mass_depends_on_velocity(&lagrangian) {
+            lagrangian.warnings.push(TextProblem::new(
+                Field::Kinetic,
+                None,
+                "M = ∂²T/∂v∂v depends on the velocities: Newton's T is at most quadratic in them; is an exponent wrong?",
+            ));
+        }
         Ok(lagrangian)
     }
 
@@ -246,7 +254,7 @@ impl TextLagrangian {
         &self.constraints
     }
 
-    /// What is probably not meant: parameters that no energy uses, velocities that T does not use.
+    /// What is probably not meant: parameters that no energy uses, velocities that T does not use, a T that is more than quadratic in them.
     pub fn warnings(&self) -> &[TextProblem] {
         &self.warnings
     }

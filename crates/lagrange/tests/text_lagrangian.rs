@@ -302,6 +302,24 @@ fn only_a_quadratic_form_counts_as_one() {
     }
 }
 
+/// A wheel on a turntable has a part of T without velocities, a charge in a field one with a single one: no slips.
+#[test]
+fn a_kinetic_energy_that_is_cubic_in_the_velocities_is_warned_of() {
+    let warned = |kinetic: &str| {
+        let mechanism = build(&source(&["x"], &[], kinetic, "0", &[]));
+        let told = mechanism.warnings().iter();
+        told.map(|w| w.message.clone()).collect::<Vec<_>>()
+    };
+    for kinetic in ["0.5*x_dot^2 + sin(x)^2", "0.5*x_dot^2 + x*x_dot"] {
+        assert!(warned(kinetic).is_empty(), "{kinetic}");
+    }
+    let of_cube = warned("0.5*x_dot^2 + 0.1*x_dot^3");
+    assert!(
+        of_cube.len() == 1 && of_cube[0].contains("exponent"),
+        "{of_cube:?}"
+    );
+}
+
 #[test]
 fn what_nothing_uses_is_a_warning() {
     let mut text = elastic_pendulum();

@@ -13,6 +13,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
+use crate::program::{pinode, stderr};
+
 const INERTIA: f64 = 0.012;
 const WEIGHT: f64 = 0.5;
 const NOISE: f64 = 1e-3;
@@ -41,16 +43,20 @@ fn from_the_top_in_degrees(friction: f64) -> String {
     text
 }
 
-/// The diagnosis in a folder, with the new model.
-fn diagnosed(friction: f64, dir: &Path) -> (Diagnosis, Model) {
-    let text = format!(
+/// The model, whose log names its column as the encoder's maker does.
+fn model() -> String {
+    format!(
         "name = \"pendulum\"\n\
          lagrangian = {{ coordinates = [\"phi\"], angles = [\"phi\"], kinetic = \"0.5*{INERTIA}*phi_dot^2\", potential = \"-{WEIGHT}*cos(phi)\" }}\n\
          [[input]]\nname = \"motor\"\njoint = \"phi\"\n\
          [sensor.phi]\nposition_noise = {NOISE}\nvelocity = \"none\"\n\
          [log.columns] # as the encoder's maker calls it\n\"q.phi\" = \"angle\"\n"
-    );
-    let model = Model::parse(Path::new("pendulum.toml"), text).unwrap();
+    )
+}
+
+/// The diagnosis in a folder, with the new model.
+fn diagnosed(friction: f64, dir: &Path) -> (Diagnosis, Model) {
+    let model = Model::parse(Path::new("pendulum.toml"), model()).unwrap();
     let path = dir.join("log.csv");
     std::fs::write(&path, from_the_top_in_degrees(friction)).unwrap();
     let log = Log::read(&path, &model).unwrap();
@@ -102,6 +108,41 @@ fn what_is_missing_is_found_behind_another_way_to_count() {
         "{coefficient:?}"
     );
     assert_eq!(found.data_faults[0].kind, "convention");
+}
+
+/// They read the log as it is, and say that it counts otherwise.
+#[test]
+fn evaluations_and_trainings_warn_of_a_log_that_counts_otherwise_and_of_no_other() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path();
+    std::fs::write(folder.join("log.csv"), from_the_top_in_degrees(0.002)).unwrap();
+    let given = model();
+    let as_meant = given.replace(
+        "\"angle\"",
+        &format!(
+            "{{ column = \"angle\", scale = {}, offset = {PI} }}",
+            -PI / 180.0
+        ),
+    );
+    for (name, text) in [("given.toml", &given), ("meant.toml", &as_meant)] {
+        std::fs::write(folder.join(name), text).unwrap();
+        let evaluate: &[&str] = &["evaluate", name, "log.csv", "--initial", "estimated"];
+        let train: &[&str] = &[
+            "train",
+            name,
+            "log.csv",
+            "--baseline",
+            "ode",
+            "--out",
+            "fitted",
+        ];
+        for arguments in [evaluate, train] {
+            let words = stderr(&pinode(arguments, folder));
+            let told = words.contains("counts the other way round")
+                && words.contains("[log.columns] of the model");
+            assert_eq!(told, name == "given.toml", "{arguments:?}: {words}");
+        }
+    }
 }
 
 #[test]

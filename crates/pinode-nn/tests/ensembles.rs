@@ -2,13 +2,14 @@
 #![cfg(feature = "cli")]
 
 use std::path::Path;
-use std::process::{Command, Output};
 
 use pinode_nn::free_run::{LONGEST_STEP, simulate};
 use pinode_nn::learnt::{Card, Feature, LearntForce, Names, Quantity, weights};
 use pinode_nn::model::{Model, Revision};
 use pinode_nn::network::{Activation, Mlp, Shape};
 use serde_json::Value;
+
+use crate::program::pinode;
 
 /// A sledge of 2 kg on ice.
 const SLEDGE: &str = r#"
@@ -68,12 +69,6 @@ fn sledge(folder: &Path) -> Model {
     let path = folder.join("sledge.toml");
     std::fs::write(&path, format!("{SLEDGE}{ENSEMBLE}")).unwrap();
     Model::load(&path).unwrap()
-}
-
-fn pinode(arguments: &[&str], folder: &Path) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_pinode"));
-    let command = command.args(arguments).current_dir(folder);
-    command.output().unwrap()
 }
 
 fn json(arguments: &[&str], folder: &Path) -> Value {

@@ -2,7 +2,7 @@
 #![cfg(feature = "cli")]
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 
 use pinode_nn::learnt::{Card, Feature, LearntForce, Names, Quantity, weights};
 use pinode_nn::model::Model;
@@ -10,6 +10,8 @@ use pinode_nn::network::{Activation, Mlp, Shape};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
+
+use crate::program::pinode;
 
 const MODEL: &str = r#"
 name = "crane"
@@ -70,12 +72,6 @@ fn crane(folder: &Path, single: bool) {
         text += &format!("weights = \"{file}\"\n");
     }
     std::fs::write(folder.join("crane.toml"), text).unwrap();
-}
-
-fn pinode(arguments: &[&str], folder: &Path) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_pinode"));
-    let command = command.args(arguments).current_dir(folder);
-    command.output().unwrap()
 }
 
 fn exported(folder: &Path, more: &[&str]) -> Value {

@@ -2,7 +2,7 @@
 #![cfg(feature = "cli")]
 
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use pinode_nn::model::Model;
@@ -10,6 +10,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use serde_json::Value;
+
+use crate::program::pinode;
 
 /// kg.
 const MASS: f64 = 2.0;
@@ -45,15 +47,6 @@ fn log(seed: u64, duration: f64) -> String {
         }
     }
     text
-}
-
-fn pinode(arguments: &[&str], folder: &Path) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_pinode"));
-    command
-        .args(arguments)
-        .current_dir(folder)
-        .output()
-        .unwrap()
 }
 
 fn folder() -> tempfile::TempDir {
@@ -300,15 +293,21 @@ fn a_model_alone_takes_no_options_of_a_network() {
 fn what_cannot_be_trained_is_said_before_the_work() {
     let folder = folder();
     let folder = folder.path();
-    let cases: &[(&[&str], &str)] = &[
+    // Of options that are wrong by themselves or for the model, and of work that cannot be done.
+    const USAGE: i32 = 2;
+    const FAILURE: i32 = 1;
+    let usage: &[(&[&str], &str)] = &[
         (&["--joint", "y"], "unknown joint `y`"),
         (&["--joint", "x", "x"], "given twice"),
+        (&["--joint", "y", "x", "x"], "2 problems in --joint"),
         (&["--joint", "x", "--sees", "v.y"], "cannot see `v.y`"),
+        (&["--joint", "x", "--units", "0"], "0 is not in 1.."),
+    ];
+    let failures: &[(&[&str], &str)] = &[
         (
             &["--joint", "x", "--sees", "v.x", "--sees", "v.x"],
             "to see v.x twice",
         ),
-        (&["--joint", "x", "--units", "0"], "has no unit"),
         (&["--joint", "x", "--horizon", "80"], "no window of 80 s"),
         (&["--joint", "x", "--rate", "0"], "learning rate is 0"),
         (
@@ -338,7 +337,9 @@ fn what_cannot_be_trained_is_said_before_the_work() {
             "GB of memory",
         ),
     ];
-    for (arguments, expected) in cases {
+    let usage = usage.iter().map(|case| (USAGE, case));
+    let failures = failures.iter().map(|case| (FAILURE, case));
+    for (code, (arguments, expected)) in usage.chain(failures) {
         let all = [
             &["train", "sledge.toml", "log.csv", "--out", "out"],
             *arguments,
@@ -346,7 +347,7 @@ fn what_cannot_be_trained_is_said_before_the_work() {
         .concat();
         let output = pinode(&all, folder);
         let words = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(1), "{words}");
+        assert_eq!(output.status.code(), Some(code), "{words}");
         assert!(words.contains(expected), "{words} for {expected}");
         // Nor an empty folder.
         assert!(!folder.join("out").exists());

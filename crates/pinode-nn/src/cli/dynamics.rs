@@ -222,8 +222,13 @@ fn evaluate(
             .iter()
             .find(|(_, numbers)| numbers.iter().any(|x| !x.is_finite()));
         if let Some((name, _)) = infinite {
-            let why = too_large(mechanics, (q, v), p, &mut work).unwrap_or_else(|| {
-                "the energies have a singular point at or near this state".into()
+            let depends_on_v = !matches!(*name, "gravity_force" | "potential_energy");
+            let by_v = match depends_on_v {
+                true => too_large(mechanics, (q, v), p, &mut work),
+                false => None,
+            };
+            let why = by_v.unwrap_or_else(|| {
+                "the energies have a singular point at or near this state, or are not defined there (the logarithm or the root of a negative number)".into()
             });
             problems.push(Problem::general(format!(
                 "states[{i}]: {name} is not finite there: {why}"

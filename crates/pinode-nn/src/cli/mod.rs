@@ -25,6 +25,7 @@ use std::process::ExitCode;
 
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, Parser, Subcommand};
+use lagrange::{Problem, Problems};
 
 use crate::Error;
 
@@ -116,6 +117,17 @@ pub fn run() -> ExitCode {
 /// Whether it is an option that is wrong.
 fn is_usage(error: &Error) -> bool {
     matches!(error, Error::Problems(problems) if problems.source.starts_with("--"))
+}
+
+/// What is wrong with an option that clap could not tell without the model.
+fn refused(option: &str, wrong: Vec<String>) -> Result<(), Error> {
+    if wrong.is_empty() {
+        return Ok(());
+    }
+    Err(Error::Problems(Problems {
+        source: option.into(),
+        list: wrong.into_iter().map(Problem::general).collect(),
+    }))
 }
 
 /// Sets the number of threads of everything that runs in parallel, once a process and before it starts. Results do not depend on

@@ -7,12 +7,13 @@
 
 use std::path::PathBuf;
 
-use lagrange::{Problem, Problems, state};
+use lagrange::state;
 use serde_json::json;
 
 use super::band::Band;
 use super::csv_line::csv_line;
 use super::output::Output;
+use super::refused;
 use super::stepping::{Effort, Stepping};
 use crate::Error;
 use crate::disk::{Staged, refuse_overwriting};
@@ -181,39 +182,36 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
 /// # Errors
 /// What contradicts the method among `--step` and `--tolerance`, and steps that would never end.
 fn longest_step(arguments: &Arguments) -> Result<f64, Error> {
-    let problem = |source: &str, message: String| {
-        Err(Error::Problems(Problems {
-            source: source.into(),
-            list: vec![Problem::general(message)],
-        }))
-    };
     let step = arguments.step.unwrap_or(LONGEST_STEP);
-    match arguments.method {
-        Stepping::Adapting(_) => match arguments.step {
-            Some(step) => problem(
+    let wrong = match arguments.method {
+        Stepping::Adapting(_) => arguments.step.map(|step| {
+            (
                 "--step",
                 format!(
                     "a longest step of {step} s is for methods with fixed steps: leave it out, or take --method rk4; how fine steps that \
                      adapt are is said by --tolerance"
                 ),
-            ),
-            None => Ok(step),
-        },
+            )
+        }),
         Stepping::Fixed(_) => match arguments.tolerance {
-            Some(tolerance) => problem(
+            Some(tolerance) => Some((
                 "--tolerance",
                 format!(
                     "a tolerance of {tolerance} is for methods whose steps adapt: take --method adaptive, or leave it out and give --step"
                 ),
-            ),
-            None if arguments.log.is_none() && arguments.sample / step > MOST_STEPS => problem(
+            )),
+            None if arguments.log.is_none() && arguments.sample / step > MOST_STEPS => Some((
                 "--step",
                 format!(
                     "{step:e} s is more than {MOST_STEPS:e} times shorter than the interval between samples: take a longer step"
                 ),
-            ),
-            None => Ok(step),
+            )),
+            None => None,
         },
+    };
+    match wrong {
+        Some((option, wrong)) => refused(option, vec![wrong]).map(|()| step),
+        None => Ok(step),
     }
 }
 
@@ -256,51 +254,43 @@ fn at_rest(model: &Model) -> Vec<f64> {
 /// What `--initial` says, with quaternions of length 1.
 fn given_initial(model: &Model, initial: &[f64]) -> Result<Vec<f64>, Error> {
     let coordinates = model.mechanics.coordinates();
-    let mut list = Vec::new();
+    let mut wrong = Vec::new();
     let names = [q_names(coordinates), v_names(coordinates)].concat();
     if initial.len() != names.len() {
-        list.push(Problem::general(format!(
+        wrong.push(format!(
             "{} numbers are given, the state has {}: {}",
             initial.len(),
             names.len(),
             names.join(",")
-        )));
+        ));
     }
     if let Some(x) = initial.iter().find(|x| !x.is_finite()) {
-        list.push(Problem::general(format!("{x} is not finite")));
+        wrong.push(format!("{x} is not finite"));
     }
     let mut initial = initial.to_vec();
     for (coordinate, start) in coordinates.iter().zip(starts(coordinates)) {
         let quaternion = initial.get(start.q + 3..start.q + 7).unwrap_or_default();
-        if coordinate.floating && list.is_empty() && quaternion.iter().all(|x| *x == 0.0) {
-            list.push(Problem::general(format!(
+        if coordinate.floating && wrong.is_empty() && quaternion.iter().all(|x| *x == 0.0) {
+            wrong.push(format!(
                 "the quaternion of `{}` is 0 and gives no orientation: give 1,0,0,0 for none",
                 coordinate.name
-            )));
+            ));
         }
     }
-    if list.is_empty() {
-        if let Some(q) = initial.get_mut(..model.mechanics.nq()) {
-            state::normalize(coordinates, q);
-        }
-        return Ok(initial);
+    refused("--initial", wrong)?;
+    if let Some(q) = initial.get_mut(..model.mechanics.nq()) {
+        state::normalize(coordinates, q);
     }
-    Err(Error::Problems(Problems {
-        source: "--initial".into(),
-        list,
-    }))
+    Ok(initial)
 }
 
 /// The times of a recording in which nothing is measured and all inputs are 0.
 fn still_run(model: &Model, arguments: &Arguments) -> Result<Run, Error> {
     let steps = (arguments.duration.unwrap_or(10.0) / arguments.sample).round();
     if steps > MOST_SAMPLES {
-        return Err(Error::Problems(Problems {
-            source: "--duration".into(),
-            list: vec![Problem::general(format!(
-                "{steps:e} samples are too many: take a shorter duration or a longer --sample"
-            ))],
-        }));
+        let many =
+            format!("{steps:e} samples are too many: take a shorter duration or a longer --sample");
+        refused("--duration", vec![many])?;
     }
     let t: Vec<f64> = (0..=steps as usize)
         .map(|k| k as f64 * arguments.sample)

@@ -12,8 +12,10 @@ use super::Output;
 use super::band::{calibrated, calibrated_words};
 use super::folder::Made;
 use super::interrupt::Interruptible;
+use super::refused;
 use crate::Error;
 use crate::band::Band;
+use crate::diagnose::conventions::told;
 use crate::disk::{refuse_overwriting, write_atomically};
 use crate::learnt::Quantity;
 use crate::learnt::law::Law;
@@ -66,8 +68,8 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "NAME", num_args = 1..)]
     sees: Vec<String>,
     /// Units of the hidden layers [default: 50,50,50]
-    #[arg(long, value_name = "N,N,…", value_delimiter = ',')]
-    units: Vec<usize>,
+    #[arg(long, value_name = "N,N,…", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..))]
+    units: Vec<u32>,
     /// Activation of the hidden layers [default: relu]
     #[arg(long, value_enum)]
     activation: Option<Hidden>,
@@ -213,6 +215,11 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
     let read = logs.iter().chain(&held_out).map(|log| log.path.as_path());
     let inputs: Vec<&Path> = given.files().into_iter().chain(read).collect();
     refuse_overwriting(&outputs, &inputs)?;
+    // Without mechanics nothing says how a log counts.
+    if arguments.baseline != Some(Baseline::BlackBox) {
+        output.warnings(&told(&given, &logs));
+        output.warnings(&told(&given, &held_out));
+    }
     let made = Made::folder(out)?;
     let training = Training {
         model: &model,
@@ -368,22 +375,27 @@ fn numbered(name: &str, k: usize, count: usize) -> String {
 fn options(arguments: &Arguments, seed: u64, model: &Model) -> Result<Options, Error> {
     let coordinates = model.mechanics.coordinates();
     let names: Vec<&str> = coordinates.iter().map(|c| c.name.as_str()).collect();
-    let mut joints = Vec::new();
+    let (mut joints, mut wrong) = (Vec::new(), Vec::new());
     for joint in &arguments.joints {
-        let Some(index) = names.iter().position(|name| name == joint) else {
-            return Err(Error::Training(format!(
+        match names.iter().position(|name| name == joint) {
+            None => wrong.push(format!(
                 "unknown joint {}{}",
                 quoted(joint),
                 hint(joint, "joints", &names)
-            )));
-        };
-        joints.push(index);
+            )),
+            Some(index) if joints.contains(&index) => {
+                wrong.push(format!("the joint {} is given twice", quoted(joint)));
+            }
+            Some(index) => joints.push(index),
+        }
     }
+    refused("--joint", wrong)?;
     let inputs: Vec<&str> = model.inputs.iter().map(|i| i.name.as_str()).collect();
-    let mut quantities = Vec::new();
+    let (mut quantities, mut wrong) = (Vec::new(), Vec::new());
     for name in &arguments.sees {
-        let Some(quantity) = Quantity::from_name(name, coordinates, &inputs) else {
-            return Err(Error::Training(format!(
+        match Quantity::from_name(name, coordinates, &inputs) {
+            Some(quantity) => quantities.push(quantity),
+            None => wrong.push(format!(
                 "the network cannot see {}: this model has q., v., cos(q.…) and sin(q.…) of {}, and u. of {}",
                 quoted(name),
                 names.join(", "),
@@ -392,10 +404,10 @@ fn options(arguments: &Arguments, seed: u64, model: &Model) -> Result<Options, E
                 } else {
                     inputs.join(", ")
                 }
-            )));
-        };
-        quantities.push(quantity);
+            )),
+        }
     }
+    refused("--sees", wrong)?;
     let base = match arguments.paper {
         true => Options::paper(joints),
         false => Options::new(joints),
@@ -404,7 +416,7 @@ fn options(arguments: &Arguments, seed: u64, model: &Model) -> Result<Options, E
         quantities,
         units: match arguments.units.is_empty() {
             true => base.units,
-            false => arguments.units.clone(),
+            false => arguments.units.iter().map(|&n| n as usize).collect(),
         },
         hidden: match arguments.activation {
             Some(Hidden::Relu) => Activation::Relu,

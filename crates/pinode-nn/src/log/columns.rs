@@ -90,6 +90,13 @@ pub(super) fn resolve(
         position: top,
         message,
     };
+    let is_number = |name: &&str| name.trim().parse::<f64>().is_ok();
+    if !header.is_empty() && header.iter().all(is_number) {
+        return Err(vec![said(format!(
+            "the first line holds numbers: a log begins with the names of its columns, {} and so on",
+            quoted("t")
+        ))]);
+    }
     for name in header {
         if !name.is_empty() && !seen.insert(name) {
             problems.push(said(format!(

@@ -307,6 +307,10 @@ fn long_enough(runs: Vec<Run>, warnings: &mut Vec<Problem>, found: &mut Found) -
 
 /// Coordinates that never move are suspicious; a log in which nothing moves is of no use.
 fn still(runs: &[Run], channels: &Channels, warnings: &mut Vec<Problem>, found: &mut Found) {
+    // Without samples it is too short, and that is said.
+    if runs.iter().all(Run::is_empty) {
+        return;
+    }
     let constant = |i: usize| {
         let mut values = runs.iter().filter_map(|run| run.q.get(i)).flatten();
         let first = values.next();

@@ -92,6 +92,16 @@ pub fn as_meant<'a>(
     })
 }
 
+/// How logs count otherwise than the model, in words, for those who read them as they are.
+pub fn told(model: &Model, logs: &[Log]) -> Vec<String> {
+    let (Some(found), Some(log)) = (meant(model, logs, &|_| ()).into_reading(), logs.first())
+    else {
+        return Vec::new();
+    };
+    let faults = found.faults(model, (log, &log.columns(model)), Which::ReadAsTheyAre);
+    faults.into_iter().map(|fault| fault.detail).collect()
+}
+
 /// How logs are to be read.
 enum Meant {
     /// As they are: so the model explains them well.
@@ -129,6 +139,8 @@ fn again(found: Option<Otherwise>, logs: &[Log]) -> Cow<'_, [Log]> {
 enum Which {
     Seen,
     HeldOut,
+    /// Those of work that does not read them otherwise.
+    ReadAsTheyAre,
 }
 
 /// Another way to read a log.
@@ -160,10 +172,21 @@ impl Otherwise {
             let written = written.join(" and ");
             // The new model reads the logs that it was fitted to.
             let (whose, so) = match which {
-                Which::Seen => ("", format!("by [log.columns] of the new model: {written}")),
+                Which::Seen => (
+                    "",
+                    format!("it is read so here, by [log.columns] of the new model: {written}"),
+                ),
                 Which::HeldOut => (
                     "in what is held out ",
-                    format!("and needs a model with [log.columns] of its own elsewhere: {written}"),
+                    format!(
+                        "it is read so here, and needs a model with [log.columns] of its own elsewhere: {written}"
+                    ),
+                ),
+                Which::ReadAsTheyAre => (
+                    "",
+                    format!(
+                        "it is read as it is here: if that is so, write {written} into [log.columns] of the model"
+                    ),
                 ),
             };
             let [before, after] = self.shares.map(|share| 100.0 * share);
@@ -173,7 +196,7 @@ impl Otherwise {
                 when: Vec::new(),
                 detail: format!(
                     "{whose}{}: read as it is meant, the model leaves {after:.1} % of the motion in short windows at most, and {before:.0} % as it is{or}; \
-                     it is read so here, {so}",
+                     {so}",
                     words(reading, model),
                 ),
             }
