@@ -9,7 +9,8 @@ use super::search::Search;
 use super::study::Study;
 use super::unseen_spring::UnseenSpring;
 use super::verdict::{
-    Change, FittedConstant, Gap, Moved, Name, NamedEffect, Numerics, Unexplained, Verdict,
+    Change, FittedConstant, Gap, InputExcitation, Moved, Name, NamedEffect, Numerics, Unexplained,
+    Verdict,
 };
 use crate::digits::{number, uncertain};
 use crate::effect::Between;
@@ -169,6 +170,20 @@ pub fn smooth_inputs(study: &Study, inputs: &[Input]) -> Vec<String> {
     advice.collect()
 }
 
+/// What to ask about inputs that have one value in all samples, where something is left.
+pub fn silent_inputs(inputs: &[InputExcitation]) -> Vec<String> {
+    let silent = inputs
+        .iter()
+        .filter(|input| input.range[0] == input.range[1]);
+    let advice = silent.map(|input| {
+        format!(
+            "input `{}` is {} in every sample: if it was driven, its column is another one, and what is named or left here stands in for that.",
+            input.name, input.range[0]
+        )
+    });
+    advice.collect()
+}
+
 /// Whether samples of an input lie on a smooth curve: they change all the time, and the next change is nearly the last one.
 fn is_smooth(u: &[f64]) -> bool {
     let changes: Vec<f64> = u.windows(2).map(|p| p[1] - p[0]).collect();
@@ -322,6 +337,22 @@ pub fn spoken(kind: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_input_that_never_changes_is_asked_about() {
+        let input = |low: f64, high: f64| InputExcitation {
+            name: "motor".into(),
+            range: [low, high],
+            zero_share: 0.0,
+        };
+        let [told] = &silent_inputs(&[input(-1.0, 2.0), input(0.0, 0.0)])[..] else {
+            unreachable!("one of them is silent")
+        };
+        assert!(
+            told.starts_with("input `motor` is 0 in every sample"),
+            "{told}"
+        );
+    }
 
     #[test]
     fn a_sine_is_smooth_and_steps_noise_and_a_coarse_staircase_are_not() {

@@ -289,6 +289,7 @@ pub(crate) fn diagnose_into(
     }
     if something_is_left {
         advice.extend(advise::smooth_inputs(study, &model.inputs));
+        advice.extend(advise::silent_inputs(&prepared.excitation.inputs));
     }
     advice.extend(constants.iter().filter_map(advise::moved));
     let springs = search.found.iter().filter_map(|f| f.unseen_spring.as_ref());

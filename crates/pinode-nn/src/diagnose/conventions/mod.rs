@@ -33,8 +33,9 @@ const LESS: f64 = 4.0;
 const NO_MORE: f64 = 1.3;
 /// … and of what it reads otherwise no more than this.
 const MOST_LEFT: f64 = 0.3;
-/// An input in other units leaves no more than this of anything: a limit or a dead zone, beside which a smaller input does better too, leaves more.
-const LEFT_BY_A_UNIT: f64 = 0.05;
+/// An input in other units leaves no more than this of anything. One leaves a hundredth at most; a limit or a dead zone, beside which a smaller input does better
+/// too, leaves 0.09 or more, and a gain of an eighth 0.022 as tenths.
+const LEFT_BY_A_UNIT: f64 = 0.02;
 /// Two ways are as good within this factor.
 const AS_GOOD: f64 = 1.5;
 /// Two changes at once are tried where that is no more than so many fits.
@@ -286,7 +287,13 @@ fn explains_more(windows: &Windows, before: &[f64], tried: &Tried) -> bool {
     let read = |r: &Reading| match r.signal {
         Signal::Coordinate(c) => !windows.moves(c) || tried.left[c] < MOST_LEFT,
         Signal::Time => true,
-        Signal::Input(_) => !r.is_unit_of_input() || windows.worst(&tried.left) < LEFT_BY_A_UNIT,
+        Signal::Input(_) => {
+            let most = match r.is_unit_of_input() {
+                true => LEFT_BY_A_UNIT,
+                false => MOST_LEFT,
+            };
+            windows.worst(&tried.left) < most
+        }
     };
     windows.score(&tried.left) < windows.score(before) - LESS.ln()
         && moving.all(|c| tried.left[c] <= NO_MORE * before[c] + NONE)

@@ -19,11 +19,12 @@ const UNITS: [(f64, &str); 3] = [
     (CENTIMETRE, "centimetres"),
 ];
 
-/// What an input may be counted in, and how people say it: millinewtons or percent, for two. Nobody counts in tenths: a motor that does a tenth of what it is
-/// told has another gain, or a limit.
-const PARTS: [(f64, &str); 4] = [
+/// What an input may be counted in, and how people say it: millinewtons or percent, for two.
+const PARTS: [(f64, &str); 6] = [
     (1e-3, "thousandths"),
     (1e-2, "hundredths"),
+    (0.1, "tenths"),
+    (10.0, "tens"),
     (100.0, "hundreds"),
     (1e3, "thousands"),
 ];

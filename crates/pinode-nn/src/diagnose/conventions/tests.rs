@@ -35,13 +35,13 @@ fn after(state: [f64; 4], force: f64, rubbing: f64) -> [f64; 4] {
 
 /// 20 s of x, φ and the force that a spring with a random will makes.
 fn recording(rubbing: f64) -> Vec<[f64; 3]> {
-    let with_rates = recording_with_rates(rubbing);
+    let with_rates = recording_with_rates(rubbing, |force| force);
     let without = with_rates.into_iter().map(|[x, phi, u, ..]| [x, phi, u]);
     without.collect()
 }
 
-/// With ẋ and φ̇ after them.
-fn recording_with_rates(rubbing: f64) -> Vec<[f64; 5]> {
+/// With ẋ and φ̇ after them; the motor makes `made` of the force that it is told.
+fn recording_with_rates(rubbing: f64, made: impl Fn(f64) -> f64) -> Vec<[f64; 5]> {
     let mut rng = ChaCha8Rng::seed_from_u64(4);
     let (mut state, mut will) = ([0.0, 0.5, 0.0, 0.0], 0.0);
     let mut rows = Vec::new();
@@ -59,7 +59,7 @@ fn recording_with_rates(rubbing: f64) -> Vec<[f64; 5]> {
             state[2] + noise(RATE_NOISE),
             state[3] + noise(RATE_NOISE),
         ]);
-        state = after(state, force, rubbing);
+        state = after(state, made(force), rubbing);
     }
     rows
 }
@@ -149,7 +149,9 @@ fn a_clock_at_half_its_pace_is_told_where_the_velocities_say_so_too() {
     let model = model();
     let log = |pace: f64| {
         let mut text = "t,q.x,q.phi,u.motor,v.x,v.phi\n".to_owned();
-        for (k, [x, phi, u, rate, turning]) in recording_with_rates(0.3).iter().enumerate() {
+        for (k, [x, phi, u, rate, turning]) in
+            recording_with_rates(0.3, |force| force).iter().enumerate()
+        {
             let t = pace * k as f64 * 0.02;
             text += &format!("{t:.3},{x},{phi},{u},{rate},{turning}\n");
         }
@@ -166,6 +168,29 @@ fn a_clock_at_half_its_pace_is_told_where_the_velocities_say_so_too() {
         let scale = 1.0 / pace;
         let column = format!("t = {{ column = \"t\", scale = {scale:?} }}");
         assert_eq!(found(&model, &log(pace)), [column]);
+    }
+}
+
+/// What a motor makes of the force that it is told leaves 9 % of a coordinate or more where it is read as another unit, a unit less than one.
+#[test]
+fn an_input_in_other_units_is_told_and_a_limit_or_a_dead_zone_is_none() {
+    let model = model();
+    let found = |made: &dyn Fn(f64) -> f64| {
+        let rows = recording_with_rates(0.3, made).into_iter();
+        let rows: Vec<[f64; 3]> = rows.map(|[x, phi, u, ..]| [x, phi, u]).collect();
+        found(&model, &log(&model, &rows, |row| row))
+    };
+    for unit in [0.1, 0.01, 10.0] {
+        let told = format!("u.motor = {{ column = \"u.motor\", scale = {unit:?} }}");
+        assert_eq!(found(&|force| unit * force), [told]);
+    }
+    for part in [0.25, 0.125, 0.03] {
+        let most = 8.0 * part;
+        assert_eq!(found(&|force| force.clamp(-most, most)), [""; 0], "{most}");
+        let dead = 3.0 * (1.0 - part);
+        let beyond = |force: f64| force - force.clamp(-dead, dead);
+        assert_eq!(found(&beyond), [""; 0], "{dead}");
+        assert_eq!(found(&|force| part * force), [""; 0], "{part}");
     }
 }
 

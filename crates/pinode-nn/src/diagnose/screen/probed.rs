@@ -65,7 +65,7 @@ pub(super) struct Probed {
     /// The inputs after its drives; none where they are those of the fitted model.
     pub(super) inputs: Option<Vec<DrivenInputs>>,
     pub(super) readings: Vec<Reading>,
-    /// Where the recordings take its hidden states.
+    /// Where the recordings take its hidden states; empty where it starts from none of its own.
     paths: Vec<HiddenPath>,
     pub(super) change: Change,
     /// The states of the fitted model that it has too, by their place in h.
@@ -105,12 +105,17 @@ impl Probed {
         let same_inputs = substeps == fitted.substeps && !matches!(kind.action, Action::Drive(_));
         let drive = |run: &ObservedRun| hybrid.drive(&run.t, &run.u, substeps, &theta, &[]);
         let runs = &study.observations.runs;
+        let kept = kept_states(&hybrid, &fitted.hybrid);
+        let starts_anew = change == Change::Motion && kept.contains(&None);
         Some(Probed {
             inputs: (!same_inputs).then(|| runs.iter().map(drive).collect()),
             readings: hybrid.readings(&theta, &[]),
-            paths: study.hidden_paths(&hybrid, &theta, substeps),
+            paths: match starts_anew {
+                true => study.hidden_paths(&hybrid, &theta, substeps),
+                false => Vec::new(),
+            },
             change,
-            kept: kept_states(&hybrid, &fitted.hybrid),
+            kept,
             hybrid,
             theta,
         })
