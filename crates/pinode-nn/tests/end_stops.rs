@@ -370,6 +370,11 @@ fn a_stop_that_a_log_strikes_is_named_with_its_place_and_restitution() {
     let value = |name: &str| stop.parameters[name].value;
     let [upper, k, c] = ["upper", "stiffness", "damping"].map(value);
     assert!((upper - 0.1).abs() < 0.001, "{upper}");
+    let std = stop.parameters["upper"].std.unwrap();
+    assert!(
+        (upper - 0.1).abs() < 2.0 * std && std < 0.001,
+        "{upper} ± {std}"
+    );
     assert!((restitution(k, c) - E).abs() < 0.1, "{}", restitution(k, c));
     assert!(
         found.gap.after < 0.05 * found.gap.before,

@@ -7,6 +7,7 @@
 //! wrong one: Hausman, "Specification tests in econometrics", Econometrica 46, 1978.)
 
 use super::pushes::is_push;
+use super::stops::unresolved;
 use super::study::{Fitted, Study};
 use crate::hybrid::Placed;
 use crate::shooting::{FitOptions, Window, fit};
@@ -17,10 +18,14 @@ const ITERATIONS: usize = 20;
 const STATES_ALONE: usize = 3;
 
 impl Fitted {
-    /// Standard errors of the constants that were free, in the order of `inside.free`; computed once.
+    /// Standard errors of the constants that were free, in the order of `inside.free`, with what samples do not resolve of [stops](unresolved); computed
+    /// once.
     pub fn standard_errors(&self, study: &Study) -> &[f64] {
         self.errors.get_or_init(|| {
             let mut errors = self.inside.standard_errors();
+            for (error, off) in errors.iter_mut().zip(unresolved(study, self)) {
+                *error = error.hypot(off);
+            }
             if let Some(theta) = fit_to_longer(study, self) {
                 for (error, &i) in errors.iter_mut().zip(&self.inside.free) {
                     *error = error.hypot(theta[i] - self.inside.theta[i]);

@@ -1,5 +1,6 @@
 //! Stops as hard as the data see them.
 
+use super::candidate::Candidate;
 use super::found::position;
 use super::search::Search;
 use super::shown::begin;
@@ -10,6 +11,31 @@ const FINER: usize = 4;
 const ITERATIONS: usize = 16;
 /// Less than this is gained by no fit.
 const WORTH_A_FIT: f64 = 1.25;
+
+/// By how much the constants of a fitted model's stops may be off for what the samples do not resolve, one a free constant: nobody sees how long a blow lasts, and
+/// a stop that is hard is struck where a softer one begins, or as far behind that as a body goes while the softer one turns it back; half of the way in between.
+pub fn unresolved(study: &Study, fitted: &Fitted) -> Vec<f64> {
+    let (hybrid, theta) = (&fitted.hybrid, &fitted.inside.theta);
+    let mut off = vec![0.0; fitted.inside.free.len()];
+    for (index, placed) in hybrid.effects().iter().enumerate() {
+        let (kind, target) = (placed.kind, placed.target);
+        let Some(stop) = kind.stop() else {
+            continue;
+        };
+        let scales = Candidate { kind, target }.scales(hybrid, &study.scales);
+        let own = hybrid.range(index);
+        let p = &theta[own.clone()];
+        let hard = stop.harder(&scales, p, f64::INFINITY);
+        for ((i, hard), soft) in own.zip(hard).zip(p) {
+            let free = fitted.inside.free.iter().position(|&free| free == i);
+            let half = 0.5 * (hard - soft).abs();
+            if let Some(k) = free.filter(|_| half.is_finite()) {
+                off[k] = half;
+            }
+        }
+    }
+    off
+}
 
 /// The model that was found with its stops harder, and the study with the shorter steps that this takes: what is softer than the stop was strikes too
 /// early, by a way that is right for one speed. `None` where no stop was found that the log shows, where that was beside pushes, where those found are as hard as shows,
