@@ -40,6 +40,8 @@ const LEFT_BY_A_UNIT: f64 = 0.02;
 const AS_GOOD: f64 = 1.5;
 /// Two changes at once are tried where that is no more than so many fits.
 const MOST_PAIRS: usize = 400;
+/// Work that only warns of them tries no more than so many: two joints and a motor may have 40, seven of each have 140 or more.
+const MOST_ASIDE: usize = 60;
 /// The kind of these faults.
 pub const CONVENTION: &str = "convention";
 /// A model and its logs, read as they are meant.
@@ -93,8 +95,12 @@ pub fn as_meant<'a>(
     })
 }
 
-/// How logs count otherwise than the model, in words, for those who read them as they are.
+/// How logs count otherwise than the model, in words, for those who read them as they are. Of mechanisms with many signals, whose ways to count take minutes to
+/// try, a diagnosis alone asks.
 pub fn told(model: &Model, logs: &[Log]) -> Vec<String> {
+    if changes(model, logs).len() > MOST_ASIDE {
+        return Vec::new();
+    }
     let (Some(found), Some(log)) = (meant(model, logs, &|_| ()).into_reading(), logs.first())
     else {
         return Vec::new();
@@ -250,7 +256,8 @@ fn meant(model: &Model, logs: &[Log], report: &dyn Fn(&str)) -> Meant {
         others = tried.drain(1..).map(|t| t.readings).collect();
         (readings, left) = (best.readings, best.left);
     }
-    if readings.is_empty() {
+    // What is worse than straight lines explains nothing, however much worse another way is.
+    if readings.is_empty() || windows.worst(&left) > 1.0 {
         return Meant::Unclear;
     }
     // In a mirror all signs are others, and many a mechanism moves as before.
