@@ -9,7 +9,7 @@ use super::output::Output;
 use super::simulate::positive;
 use crate::Error;
 use crate::band::COVERAGE;
-use crate::diagnose::conventions::told;
+use crate::diagnose::counts_otherwise;
 use crate::evaluate::{Evaluation, Options, evaluate};
 use crate::free_run::{Initial, LONGEST_STEP};
 
@@ -58,7 +58,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
         longest_step: arguments.step,
     };
     let mut evaluation = evaluate(&model, &logs, &options)?;
-    evaluation.warnings.extend(told(&model, &logs));
+    evaluation.warnings.extend(counts_otherwise(&model, &logs)?);
     if evaluation.diverged > 0 {
         output.note(&format!(
             "warning: {} of {} windows diverged and are left out of the errors",

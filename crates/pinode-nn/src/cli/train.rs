@@ -15,7 +15,7 @@ use super::interrupt::Interruptible;
 use super::refused;
 use crate::Error;
 use crate::band::Band;
-use crate::diagnose::conventions::told;
+use crate::diagnose::counts_otherwise;
 use crate::disk::{refuse_overwriting, write_atomically};
 use crate::learnt::Quantity;
 use crate::learnt::law::Law;
@@ -217,8 +217,8 @@ pub(super) fn run(arguments: &Arguments, seed: u64, output: &Output) -> Result<(
     refuse_overwriting(&outputs, &inputs)?;
     // Without mechanics nothing says how a log counts.
     if arguments.baseline != Some(Baseline::BlackBox) {
-        output.warnings(&told(&given, &logs));
-        output.warnings(&told(&given, &held_out));
+        output.warnings(&counts_otherwise(&given, &logs)?);
+        output.warnings(&counts_otherwise(&given, &held_out)?);
     }
     let made = Made::folder(out)?;
     let training = Training {

@@ -81,6 +81,7 @@ use crate::entries::refuse_poses;
 use crate::log::Log;
 use crate::model::Model;
 
+pub use conventions::counts_otherwise;
 pub use setup::{FEWEST_WINDOWS, WINDOW_S};
 
 /// Length of the free runs by which the gap is measured, s.

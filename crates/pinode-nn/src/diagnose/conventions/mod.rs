@@ -97,16 +97,20 @@ pub fn as_meant<'a>(
 
 /// How logs count otherwise than the model, in words, for those who read them as they are. Of mechanisms with many signals, whose ways to count take minutes to
 /// try, a diagnosis alone asks.
-pub fn told(model: &Model, logs: &[Log]) -> Vec<String> {
+///
+/// # Errors
+/// [`Error::OtherModel`] when a log was read for another model.
+pub fn counts_otherwise(model: &Model, logs: &[Log]) -> Result<Vec<String>, Error> {
+    logs.iter().try_for_each(|log| log.check(model))?;
     if changes(model, logs).len() > MOST_ASIDE {
-        return Vec::new();
+        return Ok(Vec::new());
     }
     let (Some(found), Some(log)) = (meant(model, logs, &|_| ()).into_reading(), logs.first())
     else {
-        return Vec::new();
+        return Ok(Vec::new());
     };
     let faults = found.faults(model, (log, &log.columns(model)), Which::ReadAsTheyAre);
-    faults.into_iter().map(|fault| fault.detail).collect()
+    Ok(faults.into_iter().map(|fault| fault.detail).collect())
 }
 
 /// How logs are to be read.
