@@ -345,6 +345,28 @@ fn read_json(path: &Path) -> Value {
     serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
+#[test]
+fn an_interval_between_samples_that_is_longer_than_the_run_is_wrong_usage() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out.csv");
+    let out = out.to_str().unwrap();
+    let model = cartpole();
+    let simulate = [
+        "simulate",
+        &model,
+        "--duration",
+        "1",
+        "--sample",
+        "3",
+        "--out",
+        out,
+    ];
+    let output = pinode(&simulate);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("longer than the 1 s of the run"));
+    assert!(!Path::new(out).exists());
+}
+
 /// `pinode dynamics` on the states of an oracle gives its numbers.
 fn assert_agrees(model: &str, states: &Value, name: &str) {
     let input: Vec<Value> = states

@@ -37,7 +37,9 @@ pub fn advise(
         let own = format!("{} on `{}`", spoken(&effect.kind), effect.target);
         let rivals = || {
             let name = |s: &&Split| s.own.kind == effect.kind && s.own.target == effect.target;
-            splits.iter().filter(name)
+            // What is no likelier than not is not worth a recording.
+            let splits = splits.iter().filter(|_| effect.confidence >= 0.5);
+            splits.filter(name)
         };
         advice.extend(rivals().map(|split| telling_apart(&own, split)));
         if effect.confidence < 0.9 && rivals().next().is_none() && search.left.is_none() {
@@ -205,9 +207,15 @@ pub fn contradicted(gap: &Gap) -> String {
 }
 
 /// What to do about a constant that is none.
-pub fn changing(change: &Change) -> String {
+pub fn changing(change: &Change, runs: &[String]) -> String {
+    let of_run = match runs {
+        [_] | [] => String::new(),
+        _ => runs
+            .get(change.run)
+            .map_or(String::new(), |run| format!(" of {run}")),
+    };
     format!(
-        "the {} is not one number over the log: about {} until t = {:.1} s and {} after it. What changes with time is no constant: fit \
+        "the {} is not one number over the log: about {} until t = {:.1} s{of_run} and {} after it. What changes with time is no constant: fit \
          the parts by themselves, or log what it depends on (temperature, load, voltage).",
         change.name,
         number(change.before),

@@ -72,7 +72,7 @@ pub fn free_runs(
     curves
 }
 
-/// The gap that free runs of `horizon` s show: errors of their free part alone, in units of each coordinate's measurement noise.
+/// The gap that free runs of `horizon` s show: errors of their free part alone, in units of each coordinate's measurement noise; NaN where there is no free run.
 pub fn gap(study: &Study, hybrid: &Hybrid, free_runs: &[FreeRun], horizon: f64) -> Gap {
     let coordinates: Vec<CoordinateGap> = hybrid
         .mechanics()
@@ -82,21 +82,32 @@ pub fn gap(study: &Study, hybrid: &Hybrid, free_runs: &[FreeRun], horizon: f64) 
         .enumerate()
         .map(|(c, (coordinate, channel))| {
             let errors = Errors::of(free_runs, c, channel.noise, |_, _| true);
+            let measured = |error: f64| match errors.samples {
+                0 => f64::NAN,
+                _ => error,
+            };
             CoordinateGap {
                 name: format!("q.{}", coordinate.name),
                 unit: coordinate.unit().into(),
-                before: errors.before,
-                after: errors.after,
+                before: measured(errors.before),
+                after: measured(errors.after),
                 noise_floor: 1.0,
                 noise: channel.noise,
             }
         })
         .collect();
+    let all = |error: fn(&CoordinateGap) -> f64| {
+        let measured = coordinates.iter().map(error).filter(|e| !e.is_nan());
+        match measured.clone().count() {
+            0 => f64::NAN,
+            _ => overall(measured.collect::<Vec<f64>>().into_iter()),
+        }
+    };
     Gap {
         horizon_s: horizon,
         windows: finite(free_runs),
-        before: overall(coordinates.iter().map(|c| c.before)),
-        after: overall(coordinates.iter().map(|c| c.after)),
+        before: all(|c| c.before),
+        after: all(|c| c.after),
         noise_floor: 1.0,
         horizons: Vec::new(),
         regions: Vec::new(),

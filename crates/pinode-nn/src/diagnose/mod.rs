@@ -78,7 +78,7 @@ use self::verdict::{
 use crate::Error;
 use crate::effect::Kind;
 use crate::entries::refuse_poses;
-use crate::log::Log;
+use crate::log::{Log, Run};
 use crate::model::Model;
 
 pub use conventions::counts_otherwise;
@@ -297,7 +297,8 @@ pub(crate) fn diagnose_into(
     let hybrid = &search.model.hybrid;
     advice.extend(springs.filter_map(|s| advise::unseen_spring(s, hybrid, &model.inputs)));
     let change = constancy::change(study, &search, &names);
-    advice.extend(change.as_ref().map(advise::changing));
+    let recordings = recordings(logs.iter().chain(held_out));
+    advice.extend(change.as_ref().map(|c| advise::changing(c, &recordings)));
     let diagnosis = Diagnosis {
         verdict,
         disagreement,
@@ -330,6 +331,18 @@ pub(crate) fn diagnose_into(
         },
         model: path,
     })
+}
+
+/// What the recordings of some logs are called, in their order.
+fn recordings<'a>(logs: impl Iterator<Item = &'a Log>) -> Vec<String> {
+    let of_log = |log: &'a Log| {
+        let name = move |run: &'a Run| match log.runs.len() {
+            1 => format!("`{}`", log.path.display()),
+            _ => format!("run `{}` of `{}`", run.id, log.path.display()),
+        };
+        log.runs.iter().map(name)
+    };
+    logs.flat_map(of_log).collect()
 }
 
 /// A log that is given twice would be seen and unseen.

@@ -1,5 +1,7 @@
 //! Local polynomials through a recording: first guesses of states, and accelerations to look at.
 
+use std::f64::consts::TAU;
+
 use nalgebra::{SMatrix, SVector};
 
 use crate::hybrid::Reading;
@@ -68,8 +70,14 @@ pub fn smooth(run: &ObservedRun, wraps: &[bool], half_width: f64) -> Smoothed {
     smoothed
 }
 
-/// The angle without its jumps by whole turns.
+/// Readings of an angle whose middle 98 % span more than so many turns are not folded.
+const UNFOLDED: f64 = 1.5;
+
+/// The angle without its jumps by whole turns. One that goes over turns has none, and between two samples it may go more than half a turn.
 pub fn unwrapped(y: &[f64]) -> Vec<f64> {
+    if goes_over_turns(y) {
+        return y.to_vec();
+    }
     let mut out = Vec::with_capacity(y.len());
     let mut last = match y.first() {
         Some(&first) => first,
@@ -80,6 +88,16 @@ pub fn unwrapped(y: &[f64]) -> Vec<f64> {
         out.push(last);
     }
     out
+}
+
+fn goes_over_turns(y: &[f64]) -> bool {
+    let mut sorted = y.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let at = |percent: usize| sorted.get(sorted.len() * percent / 100).copied();
+    match (at(1), at(99)) {
+        (Some(low), Some(high)) => high - low > UNFOLDED * TAU,
+        _ => false,
+    }
 }
 
 /// Value, slope and curvature at sample `k`.
@@ -147,5 +165,22 @@ mod tests {
             assert!((smoothed.v[0][k] - (2.0 - 6.0 * t + 12.0 * t * t)).abs() < 1e-8);
             assert!((smoothed.a[0][k] - (-6.0 + 24.0 * t)).abs() < 1e-6);
         }
+    }
+
+    /// 250 rad/s at 50 Hz are 5 rad from sample to sample: taken for 1.28 rad backwards, the rotor seemed to turn the other way.
+    #[test]
+    fn a_rotor_whose_turns_are_counted_is_no_folded_angle_however_fast_it_is() {
+        let counted: Vec<f64> = (0..100).map(|k| 5.0 * f64::from(k)).collect();
+        assert_eq!(unwrapped(&counted), counted);
+        // Nor does a reading that stands alone make a folded one of many turns.
+        let slow = |k: i32| 0.5 * f64::from(k);
+        let mut folded: Vec<f64> = (0..400).map(|k| wrap_angle(slow(k))).collect();
+        folded[399] = 40.0;
+        let unfolded = unwrapped(&folded);
+        assert!(
+            (unfolded[398] - slow(398)).abs() < 1e-9,
+            "{}",
+            unfolded[398]
+        );
     }
 }

@@ -9,6 +9,7 @@ use super::remainder::Remainder;
 use super::study::{Fitted, Study};
 use super::verdict::{ForceCurve, Memory, NearShape, SharedSignal, Unexplained};
 use crate::bins::{binned, cell_means, explained_by};
+use crate::digits::number;
 use crate::effect::{Action, registry};
 use crate::learnt::Quantity;
 
@@ -418,9 +419,14 @@ fn sentences(u: &Unexplained) -> Vec<String> {
             });
         }
         if let (Some(from), Some(to)) = (u.curve.at.first(), u.curve.at.last()) {
+            let unit = match u.curve.unit.as_str() {
+                "" => String::new(),
+                unit => format!(" {unit}"),
+            };
             said.push(format!(
-                "That is known from {from:.3} to {to:.3} {} and not beyond.",
-                u.curve.unit
+                "That is known from {} to {}{unit} and not beyond.",
+                number(*from),
+                number(*to)
             ));
         }
     }

@@ -204,7 +204,7 @@ pub struct Gap {
     pub windows: usize,
     /// Each coordinate, in units of its measurement noise.
     pub coordinates: Vec<CoordinateGap>,
-    /// Root mean square over the coordinates, before.
+    /// Root mean square over the coordinates, before; NaN, `null` in JSON, without a free run.
     pub before: f64,
     /// The same, after.
     pub after: f64,
@@ -428,6 +428,16 @@ pub struct CoordinateExcitation {
     pub reversals: usize,
     /// Root mean square of the acceleration over that of the velocity, over 2π, Hz.
     pub mean_frequency: f64,
+}
+
+/// Readings that span less than so many times the noise are those of what does not move: noise alone spans seven or eight.
+const STILL: f64 = 10.0;
+
+impl CoordinateExcitation {
+    /// Whether its readings do not leave the `noise` of its sensor.
+    pub fn is_still(&self, noise: f64) -> bool {
+        self.range[1] - self.range[0] < STILL * noise
+    }
 }
 
 /// What an input does, in its own unit.

@@ -166,6 +166,18 @@ pub(super) fn resolve(
         )));
     }
     if let (Some(t), true) = (t, problems.is_empty()) {
+        let names = q_names(channels.coordinates);
+        for (k, (name, source)) in names.iter().zip(&q).enumerate() {
+            let same = |(_, other): &(&String, &Source)| other.index == source.index;
+            if let Some((other, _)) = names.iter().zip(&q).take(k).find(same) {
+                warnings.push(said(format!(
+                    "{} and {} are both read from the column {}",
+                    quoted(other),
+                    quoted(name),
+                    quoted(header.get(source.index).copied().unwrap_or_default())
+                )));
+            }
+        }
         if !unused.is_empty() {
             let names: Vec<String> = unused.iter().take(20).map(|name| quoted(name)).collect();
             let more = match unused.len().saturating_sub(20) {

@@ -2,7 +2,9 @@
 
 use crate::diagnose::audit::contradicts;
 use crate::diagnose::conventions::CONVENTION;
-use crate::diagnose::verdict::{DOUBTFUL, Diagnosis, Gap, NamedEffect, ParameterValue, Verdict};
+use crate::diagnose::verdict::{
+    CoordinateExcitation, Diagnosis, Gap, NamedEffect, ParameterValue, Verdict,
+};
 use crate::digits::{exponent, fixed, is_plain};
 pub use crate::digits::{number, short, uncertain};
 use crate::effect::registry;
@@ -58,10 +60,16 @@ pub fn percent(share: f64) -> String {
     }
 }
 
+/// What is no likelier than not does not lead.
+const EVEN: f64 = 0.5;
+
 /// The verdict in plain sentences.
 pub fn verdict(diagnosis: &Diagnosis) -> String {
     let said = match diagnosis.verdict {
         Verdict::EffectsFound => format!("{}.{}", missing(&diagnosis.effects), more(diagnosis)),
+        Verdict::NothingMissing if hardly_moves(diagnosis) => {
+            "The log hardly moves: the model explains it, as any other would.".to_owned()
+        }
         Verdict::NothingMissing => format!(
             "Nothing is missing: the model explains the data{}.",
             adjusted(diagnosis)
@@ -81,6 +89,14 @@ pub fn verdict(diagnosis: &Diagnosis) -> String {
         Some(gap) => format!("{said} {gap}"),
         None => said,
     }
+}
+
+/// Whether no reading leaves its sensor's noise.
+fn hardly_moves(diagnosis: &Diagnosis) -> bool {
+    let coordinates = &diagnosis.excitation.coordinates;
+    let noises = diagnosis.gap.coordinates.iter().map(|c| c.noise);
+    let still = |(c, noise): (&CoordinateExcitation, f64)| c.is_still(noise);
+    coordinates.iter().zip(noises).all(still)
 }
 
 /// Which constants had to move for it to explain the data.
@@ -186,13 +202,14 @@ fn quantities(effect: &NamedEffect) -> Option<String> {
 }
 
 fn unexplained(diagnosis: &Diagnosis) -> String {
-    let place = diagnosis
-        .disagreement
-        .first()
-        .map_or(String::new(), |d| format!(" on `{}`", d.coordinate));
+    // Where the unexplained force is, else where the model as given is off most.
+    let of_force = diagnosis.unexplained.as_ref().map(|u| &u.coordinate);
+    let of_model = diagnosis.disagreement.first().map(|d| &d.coordinate);
+    let place = of_force.or(of_model);
+    let place = place.map_or(String::new(), |name| format!(" on `{name}`"));
     match diagnosis.effects.as_slice() {
         [] => format!("Something is missing{place} that no effect in the library explains."),
-        doubtful if doubtful.iter().all(|e| e.confidence < DOUBTFUL) => format!(
+        doubtful if doubtful.iter().all(|e| e.confidence < EVEN) => format!(
             "Something is missing{place} that no effect in the library explains; what was added stands in for part of it at best ({}).",
             named(doubtful)
         ),
@@ -238,6 +255,11 @@ fn data_fault(diagnosis: &Diagnosis) -> String {
 fn gap(gap: &Gap) -> Option<String> {
     const UNIT: &str = "times the sensor noise";
     let (before, after) = (number(gap.before), number(gap.after));
+    if gap.windows == 0 && gap.after.is_nan() {
+        return Some(
+            "What is held out is too short for a free run: no gap is measured.".to_owned(),
+        );
+    }
     if gap.after.is_nan() || gap.before.is_nan() {
         return None;
     }

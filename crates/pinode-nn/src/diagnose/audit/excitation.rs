@@ -8,6 +8,7 @@
 use super::super::advise::spoken;
 use super::super::smooth::Smoothed;
 use super::super::verdict::{Alike, CoordinateExcitation, Excitation, InputExcitation, Limit};
+use crate::digits::number;
 use crate::effect::{Quantity, Scales, smooth_sign};
 use crate::hybrid::Hybrid;
 use crate::shooting::{Observations, Window};
@@ -229,11 +230,11 @@ fn sentences(excitation: &Excitation) -> Vec<String> {
             n => format!("turns round {n} times"),
         };
         said.push(format!(
-            "`{}` moves from {:.3} to {:.3} {unit}, 95 % of the time slower than {:.3} {unit}/s, and {turns}.",
+            "`{}` moves from {} to {} {unit}, 95 % of the time slower than {} {unit}/s, and {turns}.",
             c.name,
-            c.range[0],
-            c.range[1],
-            c.speed,
+            number(c.range[0]),
+            number(c.range[1]),
+            number(c.speed),
             unit = c.unit
         ));
         let own = excitation.limits.iter().filter(|l| l.target == c.name);
@@ -268,10 +269,10 @@ fn sentences(excitation: &Excitation) -> Vec<String> {
     }
     for input in &excitation.inputs {
         said.push(format!(
-            "Input `{}` goes from {:.3} to {:.3} and is zero in {:.0} % of the samples.",
+            "Input `{}` goes from {} to {} and is zero in {:.0} % of the samples.",
             input.name,
-            input.range[0],
-            input.range[1],
+            number(input.range[0]),
+            number(input.range[1]),
             100.0 * input.zero_share
         ));
     }
