@@ -96,7 +96,7 @@ fn hardly_moves(diagnosis: &Diagnosis) -> bool {
     let coordinates = &diagnosis.excitation.coordinates;
     let noises = diagnosis.gap.coordinates.iter().map(|c| c.noise);
     let still = |(c, noise): (&CoordinateExcitation, f64)| c.is_still(noise);
-    coordinates.iter().zip(noises).all(still)
+    !coordinates.is_empty() && coordinates.iter().zip(noises).all(still)
 }
 
 /// Which constants had to move for it to explain the data.
