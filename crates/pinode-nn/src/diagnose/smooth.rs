@@ -4,6 +4,8 @@ use std::f64::consts::TAU;
 
 use nalgebra::{SMatrix, SVector};
 
+use super::audit::median;
+use super::setup::WINDOW_S;
 use crate::hybrid::Reading;
 use crate::shooting::{ObservedRun, wrap_angle};
 
@@ -70,14 +72,14 @@ pub fn smooth(run: &ObservedRun, wraps: &[bool], half_width: f64) -> Smoothed {
     smoothed
 }
 
-/// Readings of an angle whose middle 98 % span more than so many turns are not folded.
+/// Readings of an angle whose middle 98 % span more than so many turns are not folded: their turns are counted.
 const UNFOLDED: f64 = 1.5;
 
-/// The angle without its jumps by whole turns. One that goes over turns has none, and between two samples it may go more than half a turn.
+/// So many turns in a window are many.
+const MANY: f64 = 5.0;
+
+/// The angle without its jumps by whole turns.
 pub fn unwrapped(y: &[f64]) -> Vec<f64> {
-    if goes_over_turns(y) {
-        return y.to_vec();
-    }
     let mut out = Vec::with_capacity(y.len());
     let mut last = match y.first() {
         Some(&first) => first,
@@ -88,6 +90,16 @@ pub fn unwrapped(y: &[f64]) -> Vec<f64> {
         out.push(last);
     }
     out
+}
+
+/// Whether readings of an angle at times t are of a rotor whose turns are counted, and that goes over many of them within a window: half of one is soon what a model
+/// leaves of them, and that is no folded angle either. What tumbles goes over two or three.
+pub fn outruns_folding(t: &[f64], y: &[f64]) -> bool {
+    let steps = t.windows(2).zip(y.windows(2));
+    let mut speeds: Vec<f64> = steps
+        .map(|(t, y)| (y[1] - y[0]).abs() / (t[1] - t[0]))
+        .collect();
+    goes_over_turns(y) && median(&mut speeds) * WINDOW_S > MANY * TAU
 }
 
 fn goes_over_turns(y: &[f64]) -> bool {
@@ -167,20 +179,13 @@ mod tests {
         }
     }
 
-    /// 250 rad/s at 50 Hz are 5 rad from sample to sample: taken for 1.28 rad backwards, the rotor seemed to turn the other way.
+    /// What a model of a rotor of 250 rad/s leaves in a window was folded: 7 rad were less than one.
     #[test]
-    fn a_rotor_whose_turns_are_counted_is_no_folded_angle_however_fast_it_is() {
-        let counted: Vec<f64> = (0..100).map(|k| 5.0 * f64::from(k)).collect();
-        assert_eq!(unwrapped(&counted), counted);
-        // Nor does a reading that stands alone make a folded one of many turns.
-        let slow = |k: i32| 0.5 * f64::from(k);
-        let mut folded: Vec<f64> = (0..400).map(|k| wrap_angle(slow(k))).collect();
-        folded[399] = 40.0;
-        let unfolded = unwrapped(&folded);
-        assert!(
-            (unfolded[398] - slow(398)).abs() < 1e-9,
-            "{}",
-            unfolded[398]
-        );
+    fn a_fast_rotor_whose_turns_are_counted_is_no_folded_angle_and_what_tumbles_may_be() {
+        let t: Vec<f64> = (0..400).map(|k| 5e-3 * f64::from(k)).collect();
+        let turning = |speed: f64| t.iter().map(|t| speed * t).collect::<Vec<f64>>();
+        let folded: Vec<f64> = turning(250.0).into_iter().map(wrap_angle).collect();
+        assert!(outruns_folding(&t, &turning(250.0)));
+        assert!(!outruns_folding(&t, &turning(25.0)) && !outruns_folding(&t, &folded));
     }
 }

@@ -18,7 +18,7 @@ use std::ops::Range;
 
 use super::conventions::CONVENTION;
 use super::setup::WINDOW_S;
-use super::smooth::unwrapped;
+use super::smooth::{outruns_folding, unwrapped};
 use super::verdict::DataFault;
 use crate::log::{Log, Run};
 use crate::model::{Model, Velocity};
@@ -95,7 +95,7 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
         channels.push(Channel {
             coordinate: c,
             velocity: false,
-            wraps: coordinate.wraps,
+            wraps: coordinate.wraps && !all.iter().any(|run| outruns_folding(&run.t, &run.q[c])),
             noise: 0.0,
         });
     }
