@@ -433,6 +433,42 @@ fn what_is_not_used_is_told() {
     assert_eq!(log.runs.len(), 1);
 }
 
+/// Columns named by numbers are mapped as others are; two coordinates from one of them are told.
+#[test]
+fn columns_may_be_named_by_numbers_and_one_that_is_read_twice_is_told() {
+    let mapped = |pole: &str| {
+        let of = |(signal, column): (&str, &str)| Mapping {
+            signal: signal.into(),
+            column: column.into(),
+            scale: 1.0,
+            offset: 0.0,
+        };
+        let columns = ColumnMap {
+            mappings: [
+                ("t", "0"),
+                ("q.slider", "1"),
+                ("q.pole", pole),
+                ("v.slider", "3"),
+                ("u.motor", "4"),
+            ]
+            .map(of)
+            .to_vec(),
+        };
+        let body: String = (0..10).map(row).collect();
+        let log = parse_mapped_log(format!("0,1,2,3,4\n{body}").as_bytes(), &columns).unwrap();
+        log.warnings
+            .iter()
+            .map(|w| w.to_string())
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(mapped("2"), [""; 0]);
+    let told = mapped("1");
+    assert!(
+        told[0].contains("`q.slider` and `q.pole` are both read from the column `1`"),
+        "{told:?}"
+    );
+}
+
 #[test]
 fn columns_are_mapped_scaled_and_offset() {
     let columns = ColumnMap {

@@ -30,6 +30,7 @@ mod motion;
 #[cfg(feature = "cli")]
 #[path = "../../../tests/oracles_through_the_program.rs"]
 mod oracles_through_the_program;
+#[cfg(feature = "cli")]
 mod program;
 mod real_logs;
 mod sensitivities;

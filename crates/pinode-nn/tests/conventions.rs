@@ -13,6 +13,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
+#[cfg(feature = "cli")]
 use crate::program::{pinode, stderr};
 
 const INERTIA: f64 = 0.012;
@@ -111,6 +112,7 @@ fn what_is_missing_is_found_behind_another_way_to_count() {
 }
 
 /// They read the log as it is, and say that it counts otherwise.
+#[cfg(feature = "cli")]
 #[test]
 fn evaluations_and_trainings_warn_of_a_log_that_counts_otherwise_and_of_no_other() {
     let dir = tempfile::tempdir().unwrap();

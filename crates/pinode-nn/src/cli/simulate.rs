@@ -403,7 +403,7 @@ fn write_rows(
             record.push_field(&digits(v));
         }
         for u in run.u.iter().filter_map(|column| column.get(k)) {
-            record.push_field(&u.to_string());
+            record.push_field(&digits(*u));
         }
         if let Some(id) = id {
             record.push_field(id);

@@ -9,8 +9,8 @@ use super::search::Search;
 use super::study::Study;
 use super::unseen_spring::UnseenSpring;
 use super::verdict::{
-    Change, FittedConstant, Gap, InputExcitation, Moved, Name, NamedEffect, Numerics, Unexplained,
-    Verdict,
+    Change, EVEN, FittedConstant, Gap, InputExcitation, Moved, Name, NamedEffect, Numerics,
+    Unexplained, Verdict,
 };
 use crate::digits::{number, uncertain};
 use crate::effect::Between;
@@ -36,10 +36,11 @@ pub fn advise(
     for effect in effects {
         let own = format!("{} on `{}`", spoken(&effect.kind), effect.target);
         let rivals = || {
-            let name = |s: &&Split| s.own.kind == effect.kind && s.own.target == effect.target;
-            // What is no likelier than not is not worth a recording.
-            let splits = splits.iter().filter(|_| effect.confidence >= 0.5);
-            splits.filter(name)
+            let is_own = |s: &&Split| {
+                let own = s.own.kind == effect.kind && s.own.target == effect.target;
+                own && effect.confidence >= EVEN
+            };
+            splits.iter().filter(is_own)
         };
         advice.extend(rivals().map(|split| telling_apart(&own, split)));
         if effect.confidence < 0.9 && rivals().next().is_none() && search.left.is_none() {
@@ -345,6 +346,21 @@ pub fn spoken(kind: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_constant_that_changes_between_two_recordings_names_the_one_in_which_it_does() {
+        let change = Change {
+            name: "force of coulomb_friction on `x`".into(),
+            statistic: 2.0,
+            run: 1,
+            t: 30.0,
+            before: 0.2,
+            after: 0.4,
+        };
+        let logs = ["`a.csv`", "`b.csv`"].map(str::to_owned);
+        assert!(changing(&change, &logs).contains("until t = 30.0 s of `b.csv`"));
+        assert!(changing(&change, &logs[..1]).contains("until t = 30.0 s and"));
+    }
 
     #[test]
     fn an_input_that_never_changes_is_asked_about() {

@@ -98,9 +98,10 @@ pub fn gap(study: &Study, hybrid: &Hybrid, free_runs: &[FreeRun], horizon: f64) 
         .collect();
     let all = |error: fn(&CoordinateGap) -> f64| {
         let measured = coordinates.iter().map(error).filter(|e| !e.is_nan());
-        match measured.clone().count() {
-            0 => f64::NAN,
-            _ => overall(measured.collect::<Vec<f64>>().into_iter()),
+        let measured: Vec<f64> = measured.collect();
+        match measured.is_empty() {
+            true => f64::NAN,
+            false => overall(measured.into_iter()),
         }
     };
     Gap {

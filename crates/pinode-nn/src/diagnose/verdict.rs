@@ -45,6 +45,9 @@ pub struct Diagnosis {
 /// A name with less confidence than this is no finding where something is left.
 pub const DOUBTFUL: f64 = 0.05;
 
+/// One with less than this is no likelier than not: it does not lead the verdict where something is left, and is not worth a recording.
+pub const EVEN: f64 = 0.5;
+
 /// The verdict.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]

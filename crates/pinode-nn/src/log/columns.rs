@@ -90,13 +90,6 @@ pub(super) fn resolve(
         position: top,
         message,
     };
-    let is_number = |name: &&str| name.trim().parse::<f64>().is_ok();
-    if !header.is_empty() && header.iter().all(is_number) {
-        return Err(vec![said(format!(
-            "the first line holds numbers: a log begins with the names of its columns, {} and so on",
-            quoted("t")
-        ))]);
-    }
     for name in header {
         if !name.is_empty() && !seen.insert(name) {
             problems.push(said(format!(
@@ -148,6 +141,14 @@ pub(super) fn resolve(
     };
 
     let Search { used, missing, .. } = search;
+    // Some name their columns by numbers, and map them.
+    let is_number = |name: &&str| name.trim().parse::<f64>().is_ok();
+    if !missing.is_empty() && header.iter().all(is_number) {
+        return Err(vec![said(format!(
+            "the first line holds numbers: a log begins with the names of its columns, {} and so on",
+            quoted("t")
+        ))]);
+    }
     let unused: Vec<&str> = header
         .iter()
         .zip(&used)

@@ -517,6 +517,18 @@ fn what_was_not_measured_or_diverged_is_left_out() {
     assert_eq!(own.matches("Plotly.newPlot").count(), 4);
 }
 
+/// What moves over this range.
+fn excited(range: [f64; 2]) -> CoordinateExcitation {
+    CoordinateExcitation {
+        name: "slider".into(),
+        unit: "m".into(),
+        range,
+        speed: 0.1,
+        reversals: 5,
+        mean_frequency: 1.0,
+    }
+}
+
 #[test]
 fn every_verdict_is_a_sentence() {
     let mut d = diagnosis("slider");
@@ -529,6 +541,18 @@ fn every_verdict_is_a_sentence() {
         verdict_in_words(&d),
         "Nothing is missing: the model explains the data. Free-run error on unseen data is 1.02 times the sensor noise."
     );
+    // Of a log that does not leave the noise of its sensors nothing is said.
+    let noise = d.gap.coordinates[0].noise;
+    d.excitation.coordinates = vec![excited([0.0, 9.0 * noise])];
+    assert!(verdict_in_words(&d).starts_with("The log hardly moves"));
+    d.excitation.coordinates = vec![excited([0.0, 11.0 * noise])];
+    assert!(verdict_in_words(&d).starts_with("Nothing is missing"));
+    // Nor of a gap that was not measured.
+    let measured = d.gap.clone();
+    (d.gap.windows, d.gap.before, d.gap.after) = (0, f64::NAN, f64::NAN);
+    assert!(verdict_in_words(&d).ends_with("no gap is measured."));
+    assert!(serde_json::to_value(&d.gap).unwrap()["after"].is_null());
+    d.gap = measured;
     d.constants[0].fitted = 0.49;
     d.constants[0].tolerance = 0.005;
     assert!(verdict_in_words(&d).starts_with(
@@ -548,6 +572,16 @@ fn every_verdict_is_a_sentence() {
     );
     d.effects = found.clone();
     assert!(verdict_in_words(&d).contains("That is not all: something is left on `slider`"));
+    d.effects.truncate(1);
+    d.effects[0].confidence = 0.4;
+    let said = verdict_in_words(&d);
+    for part in [
+        "that no effect in the library explains; what was added",
+        "40 %",
+    ] {
+        assert!(said.contains(part), "{said}");
+    }
+    d.effects = found.clone();
     d.verdict = Verdict::DataFault;
     assert_eq!(
         verdict_in_words(&d),

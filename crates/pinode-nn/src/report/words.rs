@@ -3,7 +3,7 @@
 use crate::diagnose::audit::contradicts;
 use crate::diagnose::conventions::CONVENTION;
 use crate::diagnose::verdict::{
-    CoordinateExcitation, Diagnosis, Gap, NamedEffect, ParameterValue, Verdict,
+    CoordinateExcitation, Diagnosis, EVEN, Gap, NamedEffect, ParameterValue, Verdict,
 };
 use crate::digits::{exponent, fixed, is_plain};
 pub use crate::digits::{number, short, uncertain};
@@ -59,9 +59,6 @@ pub fn percent(share: f64) -> String {
         p => format!("{p:.0} %"),
     }
 }
-
-/// What is no likelier than not does not lead.
-const EVEN: f64 = 0.5;
 
 /// The verdict in plain sentences.
 pub fn verdict(diagnosis: &Diagnosis) -> String {

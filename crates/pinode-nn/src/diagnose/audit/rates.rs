@@ -83,25 +83,25 @@ struct Compared {
 
 /// `None` where no velocities were measured, or too little moves.
 fn compared(runs: &[&Run], coordinate: usize, wraps: bool) -> Option<Compared> {
-    let measured = runs.iter().filter(|run| run.v[coordinate].is_some());
-    let measured: Vec<&&Run> = measured.collect();
+    let measured = runs
+        .iter()
+        .filter_map(|run| Some((*run, run.v[coordinate].as_deref()?)));
+    let measured: Vec<(&Run, &[f64])> = measured.collect();
     if measured.is_empty() {
         return None;
     }
-    let unfolded = |run: &&&Run| match wraps {
+    let unfolded = |(run, _): &(&Run, &[f64])| match wraps {
         true => unwrapped(&run.q[coordinate]),
         false => run.q[coordinate].clone(),
     };
     let q: Vec<Vec<f64>> = measured.iter().map(unfolded).collect();
     let readings = measured.iter().zip(&q);
-    let readings: Vec<Readings> = readings.map(|(run, y)| Readings { t: &run.t, y }).collect();
+    let readings = readings.map(|((run, _), y)| Readings { t: &run.t, y });
+    let readings: Vec<Readings> = readings.collect();
     let noise = noise(&readings);
     let of_span = |samples: usize| {
-        let of_run = |(run, q): (&&&Run, &Vec<f64>)| {
-            let v = run.v[coordinate].as_deref();
-            v.map_or(Vec::new(), |v| spans(samples, &run.t, q, v))
-        };
-        let all = measured.iter().zip(&q).flat_map(of_run);
+        let of_runs = measured.iter().zip(&q);
+        let all = of_runs.flat_map(|((run, v), q)| spans(samples, &run.t, q, v));
         let moving = all.filter(|[dq, _]| dq.abs() > MOVES * noise);
         moving.collect::<Vec<[f64; 2]>>()
     };

@@ -33,8 +33,8 @@ const LESS: f64 = 4.0;
 const NO_MORE: f64 = 1.3;
 /// … and of what it reads otherwise no more than this.
 const MOST_LEFT: f64 = 0.3;
-/// An input in other units leaves no more than this of anything. One leaves a hundredth at most; a limit or a dead zone, beside which a smaller input does better
-/// too, leaves 0.09 or more, and a gain of an eighth 0.022 as tenths.
+/// An input in other units leaves no more than this of anything. One leaves 0.005; a limit or a dead zone, beside which a smaller input does better
+/// too, 0.087 or more, and a gain of an eighth 0.022 as tenths.
 const LEFT_BY_A_UNIT: f64 = 0.02;
 /// Two ways are as good within this factor.
 const AS_GOOD: f64 = 1.5;
