@@ -50,7 +50,7 @@ pub enum Error {
     /// Samples are too far apart for the windows of a fit.
     #[error(
         "the log has a sample every {interval:.3} s, and the motion needs windows of {window:.3} s with three intervals at least: is `t` in \
-         seconds? Else sample faster"
+         seconds? Else sample faster, or give longer recordings"
     )]
     TooCoarse {
         /// Between samples, s.

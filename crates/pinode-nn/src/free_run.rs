@@ -8,19 +8,23 @@ use integrators::{Heun, Method, Order, Rk4, System, Variational};
 
 use crate::Error;
 use crate::contact_run::{ContactRunError, roll_contacts};
+use crate::diagnose::pace::Pace;
 use crate::diagnose::smooth::smooth;
 use crate::hybrid::{DrivenInputs, Hybrid, HybridMotion, behind};
 use crate::log::Run;
 use crate::model::Model;
 use crate::motion::check_free;
-use crate::shooting::{Diverged, ObservedRun, Roller, Trajectory, over_samples, wrap_angle};
+use crate::shooting::{
+    Channel, Diverged, Observations, ObservedRun, Roller, Trajectory, over_samples, wrap_angle,
+};
 
 /// Integration steps are not longer than this unless asked for, s.
 pub const LONGEST_STEP: f64 = 1e-3;
 /// Between two samples there are at most so many.
 const MOST_SUBSTEPS: usize = 1000;
-/// Half the stretch that an estimated state is fitted to, s; at least three samples on either side are used.
-const SMOOTHING: f64 = 0.03;
+/// Half the stretch that an estimated state is fitted to, 0.03 s at the usual [`Pace`], in parts of what a diagnosis smooths over; at least three samples on
+/// either side are used.
+const SMOOTHING: f64 = 0.5;
 
 /// Where the initial state of a free run comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,7 +64,18 @@ pub fn initial_states(model: &Model, run: &Run, kind: Initial) -> Vec<Vec<f64>> 
                 valid: vec![vec![true; run.len()]; q.len()],
                 y: q.clone(),
             };
-            let smoothed = smooth(&observed, &wraps, SMOOTHING);
+            let channel = |(coordinate, &wraps)| Channel {
+                coordinate,
+                velocity: false,
+                wraps,
+                noise: 0.0,
+            };
+            let observations = Observations {
+                channels: wraps.iter().enumerate().map(channel).collect(),
+                runs: vec![observed],
+            };
+            let half_width = SMOOTHING * Pace::of(&observations).half_width();
+            let smoothed = smooth(&observations.runs[0], &wraps, half_width);
             (0..run.len())
                 .map(|k| smoothed.behind(&readings, &run.t, k))
                 .collect()

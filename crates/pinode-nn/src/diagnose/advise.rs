@@ -19,7 +19,7 @@ use crate::model::Input;
 
 /// Changes of an input from sample to sample that differ by less than this part of themselves are those of a smooth one.
 const SMOOTH: f64 = 0.3;
-/// Delays below this are not told from a lag, s.
+/// Delays below this are not told from a lag, s at the usual pace.
 const SHORT_DELAY: f64 = 5e-3;
 
 /// Advice on ties, weak findings, what is left unexplained, and friction that is smoothed too much.
@@ -57,10 +57,10 @@ pub fn advise(
             ));
         }
         let delay = effect.parameters.get("delay").map(|d| d.value);
-        if delay.is_some_and(|d| d < SHORT_DELAY) {
+        if delay.is_some_and(|d| d < study.pace.long(SHORT_DELAY)) {
             advice.push(format!(
-                "a delay of {:.1} ms is not told from a lag: record sharp steps of the input.",
-                1e3 * delay.unwrap_or(0.0)
+                "a delay of {} ms is not told from a lag: record sharp steps of the input.",
+                number(1e3 * delay.unwrap_or(0.0))
             ));
         }
     }

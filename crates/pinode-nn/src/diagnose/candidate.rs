@@ -149,7 +149,7 @@ impl Candidate {
             }
             None => (hybrid.clone(), theta.to_vec()),
         };
-        let angular = hybrid.is_angular(self.kind, self.target);
+        let coordinate = hybrid.coordinate_of(self.kind, self.target);
         with.add(
             Placed {
                 kind: self.kind,
@@ -157,7 +157,9 @@ impl Candidate {
                 smoothing: self
                     .replaces(hybrid)
                     .and_then(|index| hybrid.effects().get(index))
-                    .map_or(hybrid.default_smoothing(angular), |known| known.smoothing),
+                    .map_or(hybrid.default_smoothing(coordinate), |known| {
+                        known.smoothing
+                    }),
                 fixed: false,
             },
             values,

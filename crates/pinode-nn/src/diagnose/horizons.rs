@@ -4,9 +4,9 @@ use super::curves::FreeRun;
 use super::gap::{Errors, finite, overall};
 use super::verdict::{CoordinateGap, Horizon};
 
-/// Length of the shortest free runs, s: the beginnings of those by which the gap is measured.
+/// Length of the shortest free runs, s at the usual pace: the beginnings of those by which the gap is measured.
 pub const SHORT_S: f64 = 0.1;
-/// Length of the longest free runs, s.
+/// Length of the longest free runs, s at the usual pace.
 pub const LONG_S: f64 = 2.0;
 
 /// The errors of the first `horizon` s of free runs over the coordinates of a gap; none where nothing was measured.

@@ -99,7 +99,7 @@ impl<'a> Resort<'a> {
         (interval, gap): (f64, &Gap),
         seed: u64,
     ) -> Option<(Unexplained, Self)> {
-        let (smoothed, half_width) = (&prepared.smoothed, prepared.half_width);
+        let (smoothed, half_width) = (&prepared.smoothed, prepared.study.pace.half_width());
         let fitted = &search.model;
         let (_, all) = locate(study, fitted, smoothed, half_width, inputs, masked);
         let coordinates = model.mechanics.coordinates();

@@ -32,6 +32,7 @@ mod locate;
 mod longer;
 mod misfit;
 mod numerics;
+pub(crate) mod pace;
 mod proof;
 mod pushes;
 mod refine;
@@ -82,11 +83,12 @@ use crate::log::{Log, Run};
 use crate::model::Model;
 
 pub use conventions::counts_otherwise;
-pub use setup::{FEWEST_WINDOWS, WINDOW_S};
+pub use pace::WINDOW_S;
+pub use setup::FEWEST_WINDOWS;
 
-/// Length of the free runs by which the gap is measured, s.
+/// Length of the free runs by which the gap is measured, s at the usual pace: where windows are longer or shorter than [`WINDOW_S`], so are these.
 pub const HORIZON_S: f64 = 0.6;
-/// Length of the stretch before a free run that its initial state is fitted to, s.
+/// Length of the stretch before a free run that its initial state is fitted to, s at the usual pace.
 pub const LEAD_S: f64 = 0.3;
 
 /// What this is called in errors.
@@ -213,7 +215,7 @@ pub(crate) fn diagnose_into(
     }
 
     report("writing the new model and running it free over unseen data");
-    let mut provenance = provenance(model, (logs, held_out), seed, &prepared, &study);
+    let mut provenance = provenance(model, (logs, held_out), seed, &study);
     let proof = Proof {
         model,
         given: search.null.hybrid.clone(),
@@ -364,7 +366,6 @@ fn provenance(
     model: &Model,
     (logs, held_out): (&[Log], &[Log]),
     seed: u64,
-    prepared: &Prepared,
     study: &Study,
 ) -> Provenance {
     let seen = logs.iter().map(|log| (log, false));
@@ -380,7 +381,7 @@ fn provenance(
         logs: seen.chain(unseen).map(of_log).collect(),
         seed,
         windows: [study.windows.fit.len(), study.windows.held_out.len()],
-        window_s: prepared.window,
+        window_s: study.pace.window(),
         substeps: study.substeps,
     }
 }
@@ -434,12 +435,10 @@ impl Cleaned {
         names: &[String],
     ) -> (Vec<Disagreement>, Vec<ResidualForce>) {
         let Prepared {
-            study,
-            smoothed,
-            half_width,
-            ..
+            study, smoothed, ..
         } = &self.prepared;
-        locate::locate(study, fitted, smoothed, *half_width, names, &self.masked)
+        let half_width = study.pace.half_width();
+        locate::locate(study, fitted, smoothed, half_width, names, &self.masked)
     }
 
     fn search(&self, seed: u64, report: &dyn Fn(&str)) -> Search {

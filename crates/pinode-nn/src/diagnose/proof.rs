@@ -49,12 +49,12 @@ impl Proof<'_> {
         &self,
         study: &Study,
         (old, new): (&Hybrid, &Hybrid),
-        horizon: f64,
+        usual_horizon: f64,
         shorter: bool,
     ) -> Vec<FreeRun> {
         let (old, new) = ((old, &old.theta()[..]), (new, &new.theta()[..]));
-        let lead = LEAD_S.min(0.5 * self.prepared.window);
-        let spans = (lead, horizon, shorter);
+        let lead = study.pace.long(LEAD_S);
+        let spans = (lead, study.pace.long(usual_horizon), shorter);
         gap::free_runs(study, old, new, spans, self.masked)
     }
 
@@ -69,16 +69,24 @@ impl Proof<'_> {
         let mut revision = write_up::revision(model, (study, search), provenance);
         revision.network = network;
         let path = model.write_revision(out, name, &revision)?;
-        let mut hybrid = Hybrid::of(&Model::load(&path)?);
+        let read_back = || -> Result<Hybrid, Error> {
+            let written = Model::load(&path)?;
+            Ok(Hybrid::at_pace(
+                &written,
+                study.pace.times(),
+                study.pace.speeds(),
+            ))
+        };
+        let mut hybrid = read_back()?;
         if hybrid.is_stiff() != search.model.hybrid.is_stiff() {
             // With what was found the default is another than that of the fit.
             write_up::say_smoothing(&mut revision, &search.model.hybrid);
             model.write_revision(out, name, &revision)?;
-            hybrid = Hybrid::of(&Model::load(&path)?);
+            hybrid = read_back()?;
         }
         let free_runs = self.runs(study, (&self.given, &hybrid), HORIZON_S, true);
         Ok(Proved {
-            gap: gap::gap(study, &self.given, &free_runs, HORIZON_S),
+            gap: gap::gap(study, &self.given, &free_runs, study.pace.long(HORIZON_S)),
             path,
             hybrid,
             free_runs,
@@ -137,7 +145,7 @@ impl Proof<'_> {
         let mut with = taught.fitted.hybrid.clone();
         with.set_theta(&taught.fitted.inside.theta);
         let compared = self.runs(study, (&proved.hybrid, &with), HORIZON_S, true);
-        let by_network = gap::gap(study, &proved.hybrid, &compared, HORIZON_S);
+        let by_network = gap::gap(study, &proved.hybrid, &compared, study.pace.long(HORIZON_S));
         if !shrinks(&by_network) {
             unexplained.sentences.push(
                 "A small network that was taught it does not shrink the free-run errors on unseen data: it is not added."
@@ -174,9 +182,9 @@ impl Proof<'_> {
             (&proved.free_runs, HORIZON_S),
             (&longer, horizons::LONG_S),
         ];
-        let found = all
-            .into_iter()
-            .filter_map(|(runs, horizon)| horizons::horizon(runs, coordinates, horizon));
+        let found = all.into_iter().filter_map(|(runs, usual)| {
+            horizons::horizon(runs, coordinates, study.pace.long(usual))
+        });
         proved.gap.horizons = found.collect();
     }
 }

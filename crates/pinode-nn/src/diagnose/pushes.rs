@@ -126,7 +126,7 @@ fn placed(fitted: &Fitted, c: usize, deviation: f64) -> (Hybrid, Vec<f64>) {
     let placed = Placed {
         kind: &KIND,
         target: c,
-        smoothing: hybrid.default_smoothing(hybrid.mechanics().coordinates()[c].angular),
+        smoothing: hybrid.default_smoothing(c),
         fixed: true,
     };
     hybrid.add(placed, &[deviation]);

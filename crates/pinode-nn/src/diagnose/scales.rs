@@ -3,6 +3,7 @@
 use std::ops::Deref;
 
 use super::blows::struck;
+use super::pace::Pace;
 use super::rests::held;
 use super::smooth::Smoothed;
 use crate::effect::Scales;
@@ -57,10 +58,10 @@ fn size<'a>(u: impl Iterator<Item = &'a f64>) -> [f64; 2] {
     [(square / f64::max(count, 1.0)).sqrt(), largest]
 }
 
-/// The scales of the motion, smoothed over `half_width` s.
+/// The scales of the motion of this pace.
 pub fn scales(
     hybrid: &Hybrid,
-    (smoothed, half_width): (&[Smoothed], f64),
+    (smoothed, pace): (&[Smoothed], &Pace),
     observations: &Observations,
 ) -> MotionScales {
     let nv = hybrid.nv();
@@ -108,8 +109,9 @@ pub fn scales(
                     .channels
                     .get(c)
                     .map_or(f64::INFINITY, |own| own.noise),
-                struck: struck(observations, c, FREE * half_width),
+                struck: struck(observations, c, FREE * pace.half_width()),
                 held: held[c],
+                pace: pace.times(),
             }
         })
         .collect();

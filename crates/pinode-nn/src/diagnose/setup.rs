@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::Means;
 use super::audit::{Masked, excitation};
 use super::numerics::{is_coarse, sharp};
+use super::pace::Pace;
 use super::scales::scales;
 use super::smooth::{Smoothed, smooth};
 use super::study::{Comparison, Fitted, MOST_SUBSTEPS, Start, Study};
@@ -16,21 +17,12 @@ use crate::model::{Input, Model};
 use crate::shooting::{Observations, Window, Windows};
 use crate::smoothing::VISIBLE;
 
-/// Length of a window, s, unless the motion is fast: then five of its periods.
-pub const WINDOW_S: f64 = 0.6;
 /// A window of fewer intervals between samples shows no motion.
 const FEWEST_INTERVALS: f64 = 3.0;
 /// At least so many windows are needed on the seen side, and half as many on the other.
 pub const FEWEST_WINDOWS: usize = 8;
 /// More windows than this are not fitted, and a third as many not held out: those taken are spread evenly over the log.
 const MOST_WINDOWS: usize = 300;
-/// The integration step starts at or below this, s.
-pub const COARSEST_STEP: f64 = 5e-3;
-/// That of stiff models.
-pub const STIFF_STEP: f64 = 2.5e-3;
-/// Samples of a period of the motion that are kept, at least.
-const SAMPLES_PER_PERIOD: f64 = 24.0;
-
 /// All that the search needs.
 pub struct Prepared {
     /// The data.
@@ -39,10 +31,6 @@ pub struct Prepared {
     pub null: Fitted,
     /// The recordings, smoothed.
     pub smoothed: Vec<Smoothed>,
-    /// Half width of the smoothing, s.
-    pub half_width: f64,
-    /// Length of a window, s.
-    pub window: f64,
     /// What the data excite.
     pub excitation: Excitation,
 }
@@ -55,25 +43,23 @@ pub fn prepare(
     masked: &Masked,
     means: &Means,
 ) -> Result<Prepared, Error> {
-    let hybrid = Hybrid::of(model);
-    let nv = hybrid.nv();
-    let frequency = (0..nv)
-        .map(|c| dominant_frequency(&observations, c))
-        .fold(0.0, f64::max);
-    let window = WINDOW_S.min(5.0 / frequency);
+    let pace = Pace::of(&observations);
+    let hybrid = Hybrid::at_pace(model, pace.times(), pace.speeds());
     let interval = observations.typical_interval();
-    if window < FEWEST_INTERVALS * interval {
-        return Err(Error::TooCoarse { interval, window });
+    if pace.window() < FEWEST_INTERVALS * interval {
+        return Err(Error::TooCoarse {
+            interval,
+            window: pace.window(),
+        });
     }
-    let half_width = 0.06_f64.min(0.15 / frequency);
     // Samples much closer than the motion needs cost time and say little more: their errors are the model's, not the sensor's. Means of
     // an input that is smooth between its samples are no samples of it.
     let passes = |input: &Input| input.between == Between::Smooth;
     let observations = match model.inputs.iter().any(passes) {
         true => observations,
-        false => observations.thinned(COARSEST_STEP.min(1.0 / (SAMPLES_PER_PERIOD * frequency))),
+        false => observations.thinned(pace.closest_samples()),
     };
-    let windows = Windows::cut(&observations, fit_runs, window);
+    let windows = Windows::cut(&observations, fit_runs, pace.window());
     let taken = |windows, most| spread_over(masked.leave(windows, &observations), most);
     let windows = Windows {
         fit: taken(windows.fit, MOST_WINDOWS),
@@ -82,7 +68,7 @@ pub fn prepare(
     let needed = (FEWEST_WINDOWS, FEWEST_WINDOWS / 2);
     if windows.fit.len() < needed.0 || windows.held_out.len() < needed.1 {
         return Err(Error::TooShort {
-            window,
+            window: pace.window(),
             fit: windows.fit.len(),
             held_out: windows.held_out.len(),
             needed,
@@ -92,9 +78,9 @@ pub fn prepare(
     let smoothed: Vec<Smoothed> = observations
         .runs
         .iter()
-        .map(|run| smooth(run, &wraps, half_width))
+        .map(|run| smooth(run, &wraps, pace.half_width()))
         .collect();
-    let scales = scales(&hybrid, (&smoothed, half_width), &observations);
+    let scales = scales(&hybrid, (&smoothed, &pace), &observations);
     let names: Vec<String> = model.inputs.iter().map(|i| i.name.clone()).collect();
     let excitation = excitation(
         &hybrid,
@@ -105,13 +91,11 @@ pub fn prepare(
         &names,
     );
     let interval = observations.typical_interval();
-    let coarsest = match hybrid.is_stiff() {
-        true => STIFF_STEP,
-        false => COARSEST_STEP,
-    };
+    let coarsest = pace.coarsest_step(hybrid.is_stiff());
     let substeps = ((interval / coarsest).ceil() as usize).clamp(1, MOST_SUBSTEPS);
 
     let mut study = Study {
+        pace,
         scales,
         smoothed: Arc::new(smoothed.clone()),
         interval,
@@ -163,8 +147,6 @@ pub fn prepare(
         study,
         null,
         smoothed,
-        half_width,
-        window,
         excitation,
     })
 }
@@ -177,35 +159,6 @@ fn spread_over(windows: Vec<Window>, most: usize) -> Vec<Window> {
     }
     let pair = |i: usize| windows.iter().skip(2 * (i * pairs / most)).take(2);
     (0..most).flat_map(pair).copied().collect()
-}
-
-/// Crossings of the middle by a position, per second and halved; a crossing counts when the motion leaves a fifth of its deviation.
-pub fn dominant_frequency(observations: &Observations, coordinate: usize) -> f64 {
-    let mut crossings = 0;
-    let mut time = 0.0;
-    for run in &observations.runs {
-        let y = super::smooth::unwrapped(&run.y[coordinate]);
-        let y = if observations.channels[coordinate].wraps {
-            &y
-        } else {
-            &run.y[coordinate]
-        };
-        let n = y.len().max(1) as f64;
-        let mean = y.iter().sum::<f64>() / n;
-        let deviation = (y.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / n).sqrt();
-        let mut side = 0.0;
-        for y in y {
-            let now = y - mean;
-            if now.abs() > 0.2 * deviation {
-                if side * now < 0.0 {
-                    crossings += 1;
-                }
-                side = now;
-            }
-        }
-        time += run.t.last().unwrap_or(&0.0) - run.t.first().unwrap_or(&0.0);
-    }
-    (0.5 * crossings as f64 / time.max(f64::MIN_POSITIVE)).max(1e-3)
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use nalgebra::{SMatrix, SVector};
 
 use super::audit::median;
-use super::setup::WINDOW_S;
+use super::pace::WINDOW_S;
 use crate::hybrid::Reading;
 use crate::shooting::{ObservedRun, wrap_angle};
 

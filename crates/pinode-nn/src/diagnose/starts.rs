@@ -9,7 +9,7 @@ use super::study::Study;
 use crate::hybrid::Hybrid;
 use crate::shooting::{Channel, FitOptions, Window, fit, wrap_angle};
 
-/// A blow so long before or behind the start of a window, s, is in what is smoothed there.
+/// A blow so long before or behind the start of a window, s at the usual pace, is in what is smoothed there.
 const NEAR_S: f64 = 0.1;
 /// Iterations after which guesses are compared.
 const COMPARING: usize = 4;
@@ -62,7 +62,9 @@ impl Study {
     fn is_near_a_stop(&self, hybrid: &Hybrid, theta: &[f64], state: &[f64]) -> bool {
         let mut places = hybrid.stops(theta);
         places.any(|(c, places)| {
-            let near = |place: f64| (state[c] - place).abs() < NEAR_S * self.scales[c].speed;
+            let near = |place: f64| {
+                (state[c] - place).abs() < self.pace.long(NEAR_S) * self.scales[c].speed
+            };
             places.into_iter().flatten().any(near)
         })
     }

@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use super::kept::Kept;
+use super::pace::Pace;
 use super::pushes::is_push;
 use super::remainder::{Remainder, remainder};
 use super::scales::MotionScales;
@@ -39,6 +40,8 @@ pub struct Study {
     pub observations: Observations,
     /// The windows, seen and held out.
     pub windows: Windows,
+    /// How fast the motion is.
+    pub pace: Pace,
     /// The scales of the motion, one a coordinate.
     pub scales: MotionScales,
     /// The recordings, smoothed.

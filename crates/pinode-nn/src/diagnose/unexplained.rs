@@ -23,7 +23,7 @@ const FEWEST: usize = 300;
 const WORTH: f64 = 0.1;
 /// So many library shapes are listed.
 const LISTED: usize = 3;
-/// How far back the past is asked, s.
+/// How far back the past is asked, s at the usual pace.
 const PAST: [f64; 2] = [0.1, 0.25];
 
 /// A signal at the looked-at samples.
@@ -226,7 +226,7 @@ fn memory(
         .map(|&k| force[k] - means[k].unwrap_or(0.0))
         .collect();
     let mut past: Vec<(String, Vec<f64>)> = Vec::new();
-    for back in PAST {
+    for back in PAST.map(|usual| study.pace.long(usual)) {
         let earlier = |k: usize| {
             let (run, sample) = places[k];
             let t = study.observations.runs[run].t[sample];
@@ -326,7 +326,7 @@ fn nearest(
     c: usize,
 ) -> Vec<NearShape> {
     let coordinate = &fitted.hybrid.mechanics().coordinates()[c];
-    let smoothing = fitted.hybrid.default_smoothing(coordinate.angular);
+    let smoothing = fitted.hybrid.default_smoothing(c);
     let mut shapes: Vec<NearShape> = Vec::new();
     for kind in registry::all() {
         let Action::Joint(law) = kind.action else {

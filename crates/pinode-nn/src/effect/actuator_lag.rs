@@ -81,11 +81,11 @@ pub static KIND: Kind = Kind {
     )],
     action: Action::Drive(&Lag),
     contains: &[],
-    probes: |_, _| {
+    probes: |scales, _| {
         [0.005, 0.025, 0.06]
             .map(|tau| Probe {
                 neutral: vec![0.0],
-                perturbed: vec![tau],
+                perturbed: vec![tau * scales.pace],
             })
             .to_vec()
     },

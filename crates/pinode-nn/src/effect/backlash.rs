@@ -112,16 +112,16 @@ pub static KIND: Kind = Kind {
     summary: "the input moves a motor that has play before it moves the joint",
     parameters: &[
         ParameterSpec::new("gap", Quantity::Displacement, (0.0, f64::INFINITY), 0.0),
-        ParameterSpec::new("stiffness", Quantity::Stiffness, (1e-3, 1e7), 1e4)
+        ParameterSpec::new("stiffness", Quantity::Stiffness, (1e-9, 1e12), 1e4)
             .left_out_as(LeftOut::OfInertia(STIFFNESS))
             .held(),
-        ParameterSpec::new("damping", Quantity::Damping, (0.0, 1e5), 10.0)
+        ParameterSpec::new("damping", Quantity::Damping, (0.0, 1e12), 10.0)
             .left_out_as(LeftOut::OfInertia(DAMPING))
             .held(),
         ParameterSpec::new(
             "motor_inertia",
             Quantity::Inertia,
-            (1e-9, f64::INFINITY),
+            (1e-18, f64::INFINITY),
             1e-6,
         )
         .left_out_as(LeftOut::OfInertia(MOTOR)),
@@ -129,7 +129,8 @@ pub static KIND: Kind = Kind {
     action: Action::Transmission(&WithMemory(Backlash)),
     contains: &[],
     probes: |scales, _| {
-        let [inertia, stiffness, damping] = [MOTOR, STIFFNESS, DAMPING].map(|x| x * scales.mass);
+        let [inertia, damping] = [MOTOR, DAMPING / scales.pace].map(|x| x * scales.mass);
+        let stiffness = STIFFNESS / scales.pace.powi(2) * scales.mass;
         // What shows is the time without force, which grows with the play and with the inertia: one may stand for the other.
         let sizes = [
             (0.005, 1.0),

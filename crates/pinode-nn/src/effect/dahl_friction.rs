@@ -52,7 +52,7 @@ pub static KIND: Kind = Kind {
     family: Family::Memory,
     summary: "Coulomb friction that builds up over a small way",
     parameters: &[
-        ParameterSpec::new("stiffness", Quantity::Stiffness, (1e-3, 1e7), 1e3),
+        ParameterSpec::new("stiffness", Quantity::Stiffness, (1e-9, 1e12), 1e3),
         ParameterSpec::new(
             "coulomb_force",
             Quantity::Force,

@@ -61,12 +61,12 @@ pub static KIND: Kind = Kind {
     family: Family::Drive,
     summary: "the input moves a motor that pulls the joint by a spring",
     parameters: &[
-        ParameterSpec::new("stiffness", Quantity::Stiffness, (1e-3, 1e7), 1e5),
-        ParameterSpec::new("damping", Quantity::Damping, (0.0, 1e5), 0.0),
+        ParameterSpec::new("stiffness", Quantity::Stiffness, (1e-9, 1e12), 1e5),
+        ParameterSpec::new("damping", Quantity::Damping, (0.0, 1e12), 0.0),
         ParameterSpec::new(
             "motor_inertia",
             Quantity::Inertia,
-            (1e-9, f64::INFINITY),
+            (1e-18, f64::INFINITY),
             1e-6,
         ),
     ],
@@ -75,7 +75,8 @@ pub static KIND: Kind = Kind {
     probes: |scales, _| {
         let inertia = 0.1 * scales.mass;
         [40.0, 120.0]
-            .map(|frequency: f64| {
+            .map(|usual: f64| {
+                let frequency = usual / scales.pace;
                 let stiffness = frequency * frequency * inertia;
                 let damping = 0.4 * frequency * inertia;
                 Probe {

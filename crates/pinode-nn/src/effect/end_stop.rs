@@ -28,7 +28,7 @@ use super::{
 
 struct EndStop;
 
-/// What gives for longer than this, s, is a spring and no stop.
+/// What gives for longer than this, s at the usual pace, is a spring and no stop.
 const LONGEST_BLOW: f64 = 0.25;
 /// How far within the range soft stops are looked for, in parts of the reach.
 const SOFT: f64 = 0.05;
@@ -59,7 +59,7 @@ impl ForceLaw for EndStop {
 
     /// It turns the motion round at once: a blow of the mass m on the stiffness k lasts π √(m/k).
     fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool {
-        std::f64::consts::PI * (scales.mass / p[2]).sqrt() < LONGEST_BLOW
+        std::f64::consts::PI * (scales.mass / p[2]).sqrt() < LONGEST_BLOW * scales.pace
     }
 
     fn stop(&self) -> Option<&dyn RigidStop> {
@@ -109,7 +109,8 @@ impl RigidStop for EndStop {
         }
         let zeta = damping_of(ends().map(|end| end.restitution).sum::<f64>() / count as f64);
         let starts = LASTING.map(|factor| {
-            let lasting = |end: &Struck| (factor * end.within).min(0.9 * LONGEST_BLOW);
+            let lasting =
+                |end: &Struck| (factor * end.within).min(0.9 * LONGEST_BLOW * scales.pace);
             let rate = std::f64::consts::PI / ends().map(lasting).fold(0.0, f64::max);
             let place = |end: &Struck| (end.place, end.ahead(end.restitution, lasting(end)));
             let [lower, upper] = scales.struck.map(|end| end.as_ref().map(place));
@@ -288,6 +289,7 @@ mod tests {
             noise: 1e-3,
             struck,
             held: 0.0,
+            pace: 1.0,
         };
         let end = |place: f64| Struck {
             place,

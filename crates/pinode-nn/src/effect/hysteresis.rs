@@ -55,7 +55,7 @@ pub static KIND: Kind = Kind {
     family: Family::Memory,
     summary: "a spring that slips",
     parameters: &[
-        ParameterSpec::new("stiffness", Quantity::Stiffness, (0.0, 1e7), 0.0),
+        ParameterSpec::new("stiffness", Quantity::Stiffness, (0.0, 1e12), 0.0),
         ParameterSpec::new("width", Quantity::Displacement, (1e-6, f64::INFINITY), 0.01),
     ],
     action: Action::Memory(&WithMemory(Hysteresis)),

@@ -98,11 +98,11 @@ pub static KIND: Kind = Kind {
     parameters: &[ParameterSpec::new("delay", Quantity::Time, (0.0, 0.3), 0.0)],
     action: Action::Drive(&Delay),
     contains: &[],
-    probes: |_, _| {
+    probes: |scales, _| {
         [0.005, 0.02, 0.045]
             .map(|delay| Probe {
                 neutral: vec![0.0],
-                perturbed: vec![delay],
+                perturbed: vec![delay * scales.pace],
             })
             .to_vec()
     },

@@ -54,6 +54,8 @@ pub struct Scales {
     pub struck: [Option<Struck>; 2],
     /// The generalized force that holds it where the log shows it at rest, N or N·m; 0 where it shows none.
     pub held: f64,
+    /// How many times as long as on a laboratory's cart-pole, which turns round about once a second, everything takes.
+    pub pace: f64,
 }
 
 /// An end of the range at which blows turn the motion back.
@@ -92,6 +94,7 @@ impl Scales {
             noise: 1e-3,
             struck: [None; 2],
             held: 0.0,
+            pace: 1.0,
         }
     }
 
@@ -306,6 +309,9 @@ pub enum Action {
     Inertial(Inertial),
 }
 
+/// No effect takes longer, s: a day.
+const LONGEST: f64 = 86_400.0;
+
 /// One parameter of a kind.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ParameterSpec {
@@ -315,7 +321,7 @@ pub struct ParameterSpec {
     pub quantity: Quantity,
     /// Physical lower bound.
     pub lower: f64,
-    /// Physical upper bound.
+    /// Physical upper bound; of a time, up to where fits look for it at the usual [pace](Scales::pace), and no bound of what a model file may say.
     pub upper: f64,
     /// The value at which the effect vanishes, or where a fit starts when it never does.
     pub neutral: f64,
@@ -346,7 +352,23 @@ impl ParameterSpec {
 
     /// The physical value next to `x`.
     pub fn within(&self, x: f64) -> f64 {
-        x.clamp(self.lower, self.upper)
+        x.clamp(self.lower, self.largest())
+    }
+
+    /// Up to where fits look for it where everything takes `pace` times as long as usual, if that is more than 1.
+    pub fn upper_at(&self, pace: f64) -> f64 {
+        match self.quantity {
+            Quantity::Time => (self.upper * pace.max(1.0)).min(LONGEST),
+            _ => self.upper,
+        }
+    }
+
+    /// The largest value that a model file may say.
+    pub fn largest(&self) -> f64 {
+        match self.quantity {
+            Quantity::Time => LONGEST,
+            _ => self.upper,
+        }
     }
 
     /// The same, but fits leave it alone.

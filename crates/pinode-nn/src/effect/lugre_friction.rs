@@ -63,8 +63,8 @@ pub static KIND: Kind = Kind {
     family: Family::Memory,
     summary: "friction of bristles that bend before they slip",
     parameters: &[
-        ParameterSpec::new("stiffness", Quantity::Stiffness, (1e-3, 1e7), 1e3),
-        ParameterSpec::new("damping", Quantity::Damping, (0.0, 1e5), 0.0),
+        ParameterSpec::new("stiffness", Quantity::Stiffness, (1e-9, 1e12), 1e3),
+        ParameterSpec::new("damping", Quantity::Damping, (0.0, 1e12), 0.0),
         ParameterSpec::new(
             "coulomb_force",
             Quantity::Force,

@@ -189,6 +189,7 @@ mod tests {
             largest_input: 5.0,
             struck: [None; 2],
             held: 0.0,
+            pace: 1.0,
             noise: 1e-3,
         };
         let cases: [(&str, &[f64], bool); 18] = [

@@ -13,11 +13,11 @@ pub static KIND: Kind = Kind {
     parameters: &[ParameterSpec::new("delay", Quantity::Time, (0.0, 0.2), 0.0)],
     action: Action::Sensor(Distortion::Delay),
     contains: &[],
-    probes: |_, _| {
+    probes: |scales, _| {
         [0.005, 0.03]
             .map(|delay| Probe {
                 neutral: vec![0.0],
-                perturbed: vec![delay],
+                perturbed: vec![delay * scales.pace],
             })
             .to_vec()
     },

@@ -44,8 +44,10 @@ pub use reading::{Predicted, Reading};
 
 use extra::{Extra, Variants};
 
-/// Friction with a faster rate about rest than this, 1/s, is stepped implicitly: explicit steps would have to be shorter than a millisecond.
+/// Friction with a faster rate about rest than this, 1/s at the usual pace, is stepped implicitly: explicit steps would have to be shorter than a millisecond.
 const STIFF: f64 = 2.5e3;
+/// The velocity over which friction changes its sign is no more than this part of the speed of what is slow.
+const OF_SPEED: f64 = 0.1;
 /// Fits sharpen friction up to this part of it, so that what they move does not take it beyond.
 const CLOSE_TO_STIFF: f64 = 0.8;
 /// Implicit steps follow friction whose change of sign is spread over so many times less: on what is light and is often held, creeping shows most.
@@ -146,6 +148,10 @@ pub struct Hybrid {
     extra: Option<Arc<Extra>>,
     /// Whether its friction is too fast for explicit steps.
     stiff: bool,
+    /// How many times as long as usual everything may take; at least 1.
+    pace: f64,
+    /// Factors, one a coordinate, on the smoothing of friction of which nothing is said: what moves slowly would creep.
+    slow: Vec<f64>,
     /// Factors on the smoothing of friction of which nothing is said: what a model file means by that, and by how much sharper it was made since.
     sharpness: (f64, f64),
 }
@@ -163,8 +169,15 @@ impl Hybrid {
     /// A model file's mechanics, inputs and effects, with its tolerances, for fits and roll-outs: [stepped implicitly](Self::is_stiff) where its
     /// friction asks for it.
     pub fn of(model: &Model) -> Self {
-        let mut hybrid = Hybrid::explicit(model);
-        hybrid.stiff = hybrid.fastest_friction(&hybrid.theta()) > STIFF;
+        Hybrid::at_pace(model, 1.0, &[])
+    }
+
+    /// The same for a motion in which everything takes so many times as long as usual, if that is more than 1, with these speeds of its coordinates, infinite of one
+    /// at rest: fits look for delays that are as much longer, steps are longer, and the velocity over which a sign change of friction is spread is no more than a
+    /// tenth of the speed where the file does not say it.
+    pub(crate) fn at_pace(model: &Model, times: f64, speeds: &[f64]) -> Self {
+        let mut hybrid = Hybrid::built(model, times.max(1.0), speeds);
+        hybrid.stiff = hybrid.fastest_friction(&hybrid.theta()) > hybrid.stiff_rate();
         if hybrid.stiff {
             hybrid.sharpness.0 = SHARPER;
             for (placed, entry) in hybrid.effects.iter_mut().zip(&model.effects) {
@@ -178,6 +191,10 @@ impl Hybrid {
 
     /// The same for methods that choose their steps themselves or are told them: never stiff, friction smoothed as the file says.
     pub fn explicit(model: &Model) -> Self {
+        Hybrid::built(model, 1.0, &[])
+    }
+
+    fn built(model: &Model, pace: f64, speeds: &[f64]) -> Self {
         let mechanics = model.mechanics.clone();
         let tolerance = &model.tolerance;
         let within = |id, value: f64, relative: f64| Constant {
@@ -220,6 +237,13 @@ impl Hybrid {
         };
         let coordinates = model.inputs.iter().map(coordinate).collect();
         let mut hybrid = Hybrid::new(mechanics, coordinates, constants);
+        hybrid.pace = pace;
+        for (c, &speed) in speeds.iter().enumerate() {
+            let usual = hybrid.default_smoothing(c);
+            if let Some(slow) = hybrid.slow.get_mut(c) {
+                *slow = (OF_SPEED * speed / usual).min(1.0);
+            }
+        }
         let law = |input: &Input| match input.pushes {
             Pushes::Coordinate(_) => None,
             Pushes::Link(on) => tree?.link_force(on.link, on.point, on.force, on.torque),
@@ -233,11 +257,12 @@ impl Hybrid {
                 Target::Input(i) => i,
                 Target::Link(l) => l,
             };
-            let angular = hybrid.is_angular(entry.kind, target);
             let placed = Placed {
                 kind: entry.kind,
                 target,
-                smoothing: entry.smoothing.unwrap_or(default_smoothing(angular)),
+                smoothing: entry
+                    .smoothing
+                    .unwrap_or(hybrid.default_smoothing(hybrid.coordinate_of(entry.kind, target))),
                 fixed: entry.fixed,
             };
             hybrid.add(placed, &entry.values);
@@ -275,10 +300,12 @@ impl Hybrid {
         Some(longest + back.unwrap_or(0) as f64 * interval)
     }
 
-    /// The velocity over which a sign change of friction is spread unless a model says otherwise, m/s or, of an angle, rad/s; in a fitted model as much
-    /// sharper as its own friction was made.
-    pub fn default_smoothing(&self, angular: bool) -> f64 {
-        self.unsaid_smoothing(angular) * self.sharpness.1
+    /// The velocity over which a sign change of friction of a coordinate is spread unless a model says otherwise, m/s or, of an angle, rad/s; in a fitted model as
+    /// much sharper as its own friction was made.
+    pub fn default_smoothing(&self, coordinate: usize) -> f64 {
+        let own = self.mechanics.coordinates().get(coordinate);
+        let slow = self.slow.get(coordinate).copied().unwrap_or(1.0);
+        self.unsaid_smoothing(own.is_some_and(|c| c.angular)) * slow * self.sharpness.1
     }
 
     /// The same as the model's file has it where it says nothing.
@@ -314,11 +341,15 @@ impl Hybrid {
         rates.fold(0.0, f64::max)
     }
 
+    fn stiff_rate(&self) -> f64 {
+        STIFF / self.pace
+    }
+
     /// The least factor on the smoothing of dry friction at θ that leaves it slow enough for explicit steps; 0 where the steps are implicit already.
     pub(crate) fn sharpest(&self, theta: &[f64]) -> f64 {
         match self.stiff {
             true => 0.0,
-            false => self.fastest_friction(theta) / (CLOSE_TO_STIFF * STIFF),
+            false => self.fastest_friction(theta) / (CLOSE_TO_STIFF * self.stiff_rate()),
         }
     }
 
@@ -326,7 +357,7 @@ impl Hybrid {
     pub(crate) fn sharpened(&self, factor: f64, theta: &[f64]) -> Self {
         let is_dry = |kind: &Kind| matches!(kind.action, Action::Joint(law) if law.dry().is_some());
         let mut sharp = self.smoothed_by(factor, is_dry);
-        sharp.stiff |= sharp.fastest_friction(theta) > STIFF;
+        sharp.stiff |= sharp.fastest_friction(theta) > sharp.stiff_rate();
         sharp.sharpness.1 *= factor;
         sharp
     }
@@ -355,6 +386,7 @@ impl Hybrid {
             mechanics.parameters().len() + input_coordinates.len() + mechanics.coordinates().len()
         );
         Hybrid {
+            slow: vec![1.0; mechanics.coordinates().len()],
             starts: starts(mechanics.coordinates()),
             left: vec![false; mechanics.nv()],
             space: Product {
@@ -377,6 +409,7 @@ impl Hybrid {
             variants: None,
             extra: None,
             stiff: false,
+            pace: 1.0,
             sharpness: (1.0, 1.0),
         }
     }
@@ -395,7 +428,10 @@ impl Hybrid {
                 id: ConstantId::Effect(index, k),
                 value,
                 lower: effect.kind.lower_bound(k, known),
-                upper: spec.upper,
+                upper: match spec.upper_at(self.pace) {
+                    upper if value > upper => 2.0 * value,
+                    upper => upper,
+                },
                 // What is left out does not come into being by a fit.
                 tolerance: match effect.fixed || spec.held || !value.is_finite() {
                     true => 0.0,

@@ -42,6 +42,7 @@ use lagrange::{Coordinate, Problem};
 
 pub use columns::{ColumnMap, Mapping};
 pub(crate) use interval::{same_rate, typical, typical_interval};
+pub(crate) use unit::{MICROSECOND, MILLISECOND, sizes_of_a_count};
 
 use crate::Error;
 use crate::model::{Model, Velocity};

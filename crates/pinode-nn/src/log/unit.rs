@@ -30,18 +30,31 @@ struct Unit {
     size: f64,
 }
 
+/// s
+pub const MILLISECOND: f64 = 1e-3;
+pub const MICROSECOND: f64 = 1e-6;
+
 const MS: Unit = Unit {
     name: "ms",
-    size: 1e-3,
+    size: MILLISECOND,
 };
 const US: Unit = Unit {
     name: "µs",
-    size: 1e-6,
+    size: MICROSECOND,
 };
 const NS: Unit = Unit {
     name: "ns",
     size: 1e-9,
 };
+
+/// What samples so far apart may be apart if they are not seconds: sizes of one, s.
+pub fn sizes_of_a_count(step: f64) -> Vec<f64> {
+    match step {
+        step if step > MOST_MS => vec![MILLISECOND, MICROSECOND],
+        step if step >= SLOW => vec![MILLISECOND],
+        _ => Vec::new(),
+    }
+}
 
 /// Times that cannot be in seconds, as what they seem to be in: an error. Those that could be, of a slow motion: a warning. `first` is the first time, as it
 /// is in the file; `mapping` is that of `t`.

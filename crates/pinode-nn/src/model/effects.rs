@@ -221,10 +221,10 @@ fn read_one(
     for (k, spec) in kind.parameters.iter().enumerate() {
         let unit = spec.quantity.unit(angular);
         let lower = kind.lower_bound(k, known);
-        let bounds = match (lower.is_finite(), spec.upper.is_finite()) {
-            (true, true) => format!("from {lower} to {} {unit}", spec.upper),
+        let bounds = match (lower.is_finite(), spec.largest().is_finite()) {
+            (true, true) => format!("from {lower} to {} {unit}", spec.largest()),
             (true, false) => format!("at least {lower} {unit}"),
-            (false, true) => format!("at most {} {unit}", spec.upper),
+            (false, true) => format!("at most {} {unit}", spec.largest()),
             (false, false) => "finite".to_owned(),
         };
         if table.get(spec.name).is_none() {
@@ -242,7 +242,7 @@ fn read_one(
                 ),
             );
         }
-        let within = |x: f64| (lower..=spec.upper).contains(&x);
+        let within = |x: f64| (lower..=spec.largest()).contains(&x);
         values.extend(table.number_that(spec.name, &bounds, within, faults));
     }
     let smoothing = if !smoothed {

@@ -10,6 +10,7 @@ use super::windows::{RunName, border, one_interval, run_names};
 use super::{Options, Start};
 use crate::Error;
 use crate::diagnose::audit::{Masked, audit};
+use crate::diagnose::pace::Pace;
 use crate::diagnose::scales::{MotionScales, scales};
 use crate::diagnose::smooth::{Smoothed, smooth};
 use crate::entries::{refuse_poses, starts};
@@ -21,8 +22,6 @@ use crate::shooting::{Observations, ObservedRun, Window};
 
 /// What this is called in errors.
 const WORK: &str = "training";
-/// Half the stretch that states are smoothed over, s.
-const SMOOTHING: f64 = 0.06;
 /// Of the windows with the largest forces, so many do not set the scale of the outputs.
 const LARGEST: f64 = 0.005;
 /// Windows that are learnt from begin so many times a window.
@@ -96,10 +95,11 @@ impl Recordings {
         let fit_runs = logs.iter().map(|log| log.runs.len()).sum();
         let observations = audited.observations;
         let wraps: Vec<bool> = coordinates.iter().map(|c| c.wraps).collect();
+        let pace = Pace::of(&observations);
         let smoothed: Vec<Smoothed> = observations
             .runs
             .iter()
-            .map(|run| smooth(run, &wraps, SMOOTHING))
+            .map(|run| smooth(run, &wraps, pace.half_width()))
             .collect();
         let names: Vec<RunName> = run_names(logs, held_out).collect();
         let intervals: Vec<f64> = (observations.runs.iter())
@@ -121,7 +121,7 @@ impl Recordings {
         let mut recordings = Recordings {
             loss: loss(&hybrid, &observations, options),
             targets: targets(logs, held_out, (&observations, &audited.firsts), options),
-            scales: scales(&hybrid, (&smoothed, SMOOTHING), &observations),
+            scales: scales(&hybrid, (&smoothed, &pace), &observations),
             inputs: Vec::new(),
             readings: Vec::new(),
             paths: Vec::new(),

@@ -4,23 +4,34 @@
 mod exact;
 mod inertias;
 mod known;
+mod paces;
 mod pendulum;
 mod sticking;
 
-use pinode_nn::diagnose::diagnose;
 use pinode_nn::diagnose::verdict::Verdict;
 
 use pendulum::*;
 
+/// As one of a motion that is a thousand times as slow it may be meant too; the model says that it is not.
 #[test]
-fn milliseconds_for_seconds_are_refused() {
-    let mut log = log(6, |_, [_, v], u| u - VISCOUS * v);
+fn milliseconds_for_seconds_are_read_as_milliseconds() {
+    let law = |_, [_, v]: [f64; 2], u| u - VISCOUS * v - 0.05 * v * v.abs();
+    let mut log = log(6, law);
     log.runs[0].t.iter_mut().for_each(|t| *t *= 1000.0);
-    let dir = tempfile::tempdir().unwrap();
-    let outcome = diagnose(&model(false), &[log], &[], dir.path(), 0, &|_| ());
-    let error = outcome.err().unwrap();
-    assert!(error.to_string().contains("is `t` in seconds?"), "{error}");
-    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+    let found = diagnosed(&model(false), log);
+    let fault = found.data_faults.iter().find(|f| f.kind == "convention");
+    let fault = fault.unwrap_or_else(|| panic!("{:?}", found.data_faults));
+    assert_eq!(fault.column, "t");
+    assert!(fault.detail.contains("is in ms"), "{}", fault.detail);
+    let [effect] = found.effects.as_slice() else {
+        panic!("{:?}", found.effects);
+    };
+    assert_eq!(effect.kind, "quadratic_drag");
+    let coefficient = &effect.parameters["coefficient"];
+    assert!(
+        (coefficient.value - 0.05).abs() < 4.0 * coefficient.std.unwrap(),
+        "{coefficient:?}"
+    );
 }
 
 #[test]

@@ -148,7 +148,7 @@ fn limits_on(
     let Some(noise) = observations.channels.get(c).map(|channel| channel.noise) else {
         return;
     };
-    let smoothing = crate::effect::default_smoothing(coordinate.angular);
+    let smoothing = hybrid.default_smoothing(c);
     let mut products = [[0.0; N]; N];
     for window in windows {
         let t = &observations.runs[window.run].t[window.first..window.first + window.count];

@@ -17,7 +17,7 @@ mod unlogged_force;
 use std::ops::Range;
 
 use super::conventions::CONVENTION;
-use super::setup::WINDOW_S;
+use super::pace::Pace;
 use super::smooth::{outruns_folding, unwrapped};
 use super::verdict::DataFault;
 use crate::log::{Log, Run};
@@ -118,6 +118,7 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
     let mut valid: Vec<Vec<Vec<bool>>> = Vec::new();
     let mut slipped: Vec<Slipped> = Vec::new();
     let mut masked = Masked::none(all.len());
+    let mut held: Vec<(usize, [f64; 2])> = Vec::new();
     // The samples of each recording that count.
     let mut counting: Vec<Range<usize>> = all.iter().map(|run| 0..run.len()).collect();
     for (channel, column) in channels.iter_mut().zip(&columns) {
@@ -230,11 +231,7 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
         for (r, holds) in holds.iter().enumerate() {
             for &[first, last] in holds {
                 counting[r] = held::beside(counting[r].clone(), first..last + 1);
-                // A window without this sensor says little of what is missing.
-                let [from, to] = [all[r].t[first], all[r].t[last]];
-                if to - from > WINDOW_S {
-                    masked.add(r, [from, to]);
-                }
+                held.push((r, [all[r].t[first], all[r].t[last]]));
             }
         }
         slipped.push(Slipped {
@@ -275,8 +272,16 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
             }
         })
         .collect();
+    let observations = Observations { channels, runs };
+    // A window without a sensor says little of what is missing.
+    let window = Pace::of(&observations).window();
+    for (r, [from, to]) in held {
+        if to - from > window {
+            masked.add(r, [from, to]);
+        }
+    }
     Audited {
-        observations: Observations { channels, runs },
+        observations,
         firsts: kept.iter().map(|kept| kept.start).collect(),
         faults,
         masked,

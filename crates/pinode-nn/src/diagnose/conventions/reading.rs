@@ -4,7 +4,9 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use crate::diagnose::audit::scale_of_time;
 use crate::entries::{q_names, v_names};
-use crate::log::{ColumnMap, Log, Mapping, Run};
+use crate::log::{
+    ColumnMap, Log, MICROSECOND, MILLISECOND, Mapping, Run, sizes_of_a_count, typical,
+};
 use crate::model::Model;
 use crate::naming::quoted;
 
@@ -117,8 +119,18 @@ fn range(logs: &[Log], c: usize) -> f64 {
 pub fn changes(model: &Model, logs: &[Log]) -> Vec<Change> {
     let coordinates = model.mechanics.coordinates();
     let runs: Vec<&Run> = logs.iter().flat_map(|log| &log.runs).collect();
-    let time = scale_of_time(model, &runs).map(|scale| vec![Reading::of(Signal::Time, scale, 0.0)]);
-    let mut all: Vec<Change> = time.into_iter().collect();
+    let times = match scale_of_time(model, &runs) {
+        Some(scale) => vec![scale],
+        None => {
+            let steps = runs.iter().flat_map(|run| run.t.windows(2));
+            let step = typical(steps.map(|pair| pair[1] - pair[0]).collect());
+            step.map_or(Vec::new(), sizes_of_a_count)
+        }
+    };
+    let times = times.into_iter();
+    let mut all: Vec<Change> = times
+        .map(|scale| vec![Reading::of(Signal::Time, scale, 0.0)])
+        .collect();
     for (c, coordinate) in coordinates.iter().enumerate() {
         let (far, units, zeros) = match coordinate.angular {
             true => (FAR.0, &[DEGREE][..], &[0.0, PI, FRAC_PI_2, -FRAC_PI_2][..]),
@@ -238,10 +250,11 @@ pub fn words(reading: &Reading, model: &Model) -> String {
     }
     let size = reading.scale.abs();
     match reading.signal {
-        Signal::Time => said.push(format!(
-            "counts {} s as one, as the velocities say too",
-            reading.scale
-        )),
+        Signal::Time => said.push(match reading.scale {
+            MILLISECOND => "is in ms".to_owned(),
+            MICROSECOND => "is in µs".to_owned(),
+            scale => format!("counts {scale} s as one, as the velocities say too"),
+        }),
         Signal::Coordinate(_) => {
             let unit = UNITS.iter().find(|(unit, _)| *unit == size);
             said.extend(unit.map(|(_, plural)| format!("is in {plural}")));

@@ -2,7 +2,7 @@
 
 use super::reading::{Reading, Signal, read};
 use crate::diagnose::audit::{Readings, median, noise};
-use crate::diagnose::setup::{COARSEST_STEP, STIFF_STEP, WINDOW_S, dominant_frequency};
+use crate::diagnose::pace::Pace;
 use crate::diagnose::smooth::{polynomial, smooth, unwrapped};
 use crate::diagnose::study::MOST_SUBSTEPS;
 use crate::effect::{ActsOn, registry};
@@ -49,21 +49,17 @@ impl Windows {
         if Poses::of(model).is_some() || coordinates.iter().any(|c| c.floating) {
             return None;
         }
-        let hybrid = usual(model);
         let nv = coordinates.len();
         let logged = logs.iter().flat_map(|log| &log.runs);
         let observations = Observations {
             channels: channels(nv, |_| (false, 0.0)),
             runs: logged.map(observed).collect(),
         };
-        let frequency = (0..nv).map(|c| dominant_frequency(&observations, c));
-        let frequency = frequency.fold(0.0, f64::max);
-        let length = WINDOW_S.min(5.0 / frequency);
+        let pace = Pace::of(&observations);
+        let hybrid = usual(model, &pace);
+        let length = pace.window();
         let observations = observations.thinned(length / SAMPLES);
-        let coarsest = match hybrid.is_stiff() {
-            true => STIFF_STEP,
-            false => COARSEST_STEP,
-        };
+        let coarsest = pace.coarsest_step(hybrid.is_stiff());
         let substeps = (observations.typical_interval() / coarsest).ceil() as usize;
         let all = cut(&observations, length);
         // Windows in which nothing happens tell nothing: the half with more motion, evenly.
@@ -84,7 +80,7 @@ impl Windows {
         let moving = (0..nv).map(moves).collect();
         (count >= FEWEST_WINDOWS).then(|| Windows {
             moving,
-            half_width: 0.06_f64.min(0.15 / frequency),
+            half_width: pace.half_width(),
             substeps: substeps.max(1),
             wraps: hybrid.wraps(),
             hybrid,
@@ -96,7 +92,7 @@ impl Windows {
     pub fn shares(&self, readings: &[Reading]) -> Vec<f64> {
         let hybrid = &self.hybrid;
         let time = readings.iter().find(|r| r.signal == Signal::Time);
-        let pace = time.map_or(1.0, |time| time.scale);
+        let second = time.map_or(1.0, |time| time.scale);
         let runs = self.runs.iter().map(|run| read(readings, run));
         let runs: Vec<Run> = runs.collect();
         let sizes = self.wraps.iter().enumerate();
@@ -110,7 +106,7 @@ impl Windows {
         };
         let theta = hybrid.theta();
         let start = |run: &ObservedRun| {
-            let mut state = smooth(run, &self.wraps, pace * self.half_width).state(0);
+            let mut state = smooth(run, &self.wraps, second * self.half_width).state(0);
             hybrid.keep_before_stops(&theta, &mut state);
             state.resize(hybrid.nx(), 0.0);
             state
@@ -133,7 +129,7 @@ impl Windows {
             observations.noise(),
             &hidden,
             &FitOptions {
-                substeps: (pace * self.substeps as f64)
+                substeps: (second * self.substeps as f64)
                     .ceil()
                     .clamp(1.0, MOST_SUBSTEPS as f64) as usize,
                 state_iterations: ITERATIONS.0,
@@ -215,8 +211,8 @@ fn cut(observations: &Observations, length: f64) -> Vec<Run> {
 const USUAL: [&str; 2] = ["viscous_friction", "input_delay"];
 
 /// The model with a viscous friction on every coordinate that has none, and a delay of every input that has none.
-fn usual(model: &Model) -> Hybrid {
-    let mut hybrid = Hybrid::of(model);
+fn usual(model: &Model, pace: &Pace) -> Hybrid {
+    let mut hybrid = Hybrid::at_pace(model, pace.times(), &[]);
     for kind in USUAL.iter().filter_map(|name| registry::find(name)) {
         let targets = match kind.acts_on() {
             ActsOn::Input => hybrid.inputs(),

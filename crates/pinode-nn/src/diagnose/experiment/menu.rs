@@ -6,7 +6,6 @@
 use std::f64::consts::PI;
 
 use super::super::candidate::Candidate;
-use super::super::setup::WINDOW_S;
 use super::super::study::{Fitted, Study};
 use super::super::verdict::Payload;
 use crate::effect::{Action, Inertial, registry};
@@ -157,7 +156,7 @@ impl Shape {
         }
     }
 
-    /// Its length, in units of a second for a mechanism whose windows are as long as [`WINDOW_S`].
+    /// Its length, s at the usual pace.
     fn duration(self) -> f64 {
         match self {
             Shape::Triangle | Shape::Chirp(..) => 8.0,
@@ -228,7 +227,7 @@ impl Trial {
         (shape, input, amplitude): (Shape, Option<usize>, f64),
         rest: &[f64],
     ) -> Self {
-        let duration = shape.duration() * pace(study);
+        let duration = shape.duration() * study.pace.times();
         let samples = (duration / study.interval).round() as usize + 1;
         let mut u = vec![vec![0.0; samples]; inputs];
         if let Some(column) = input.and_then(|i| u.get_mut(i)) {
@@ -296,18 +295,6 @@ impl Trial {
                 format!("{done}, with {} kg more on `{link}`", short(mass))
             }
         }
-    }
-}
-
-/// The length of experiments in units of those of a mechanism whose windows are as long as [`WINDOW_S`].
-fn pace(study: &Study) -> f64 {
-    let window = study.windows.fit.first().map_or(0, |w| w.count.max(2) - 1);
-    let window = window as f64 * study.interval;
-    let pace = window / WINDOW_S;
-    // A window of a few samples less is none of a faster mechanism.
-    match pace > 0.0 && pace < 0.8 {
-        true => pace,
-        false => 1.0,
     }
 }
 
@@ -492,14 +479,14 @@ fn slowest(study: &Study) -> Vec<f64> {
     state
 }
 
-/// So many seconds the mechanism has to settle, in units of [`pace`].
+/// So many seconds the mechanism has to settle, at the usual pace.
 const SETTLING: f64 = 10.0;
 /// The rate of its damping, 1/s, in the same unit.
 const DAMPING: f64 = 10.0;
 
 fn settled(study: &Study, own: &Fitted, from: &[f64]) -> Option<Vec<f64>> {
     let nv = own.hybrid.nv();
-    let pace = pace(study);
+    let pace = study.pace.times();
     let viscous = registry::find("viscous_friction")?;
     let mut hybrid = own.hybrid.clone();
     let mut theta = own.inside.theta.clone();

@@ -30,6 +30,7 @@ pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) ->
                     Column {
                         candidate,
                         known,
+                        pace: study.pace.times(),
                         neutral: probe.neutral,
                         // What goes with the inertia may be more than a model file can hold.
                         perturbed: specs
@@ -62,6 +63,7 @@ pub fn asked(
     let column = Column {
         candidate,
         known: 0.0,
+        pace: study.pace.times(),
         neutral: Vec::new(),
         perturbed: parameters.to_vec(),
     };

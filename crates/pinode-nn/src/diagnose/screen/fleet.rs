@@ -89,6 +89,7 @@ mod tests {
             neutral: vec![0.0],
             perturbed: vec![0.02],
             known: 0.0,
+            pace: 1.0,
         };
         let mut screen = Screen {
             ranked: Vec::new(),

@@ -14,6 +14,8 @@ pub(super) struct Column {
     pub(super) perturbed: Vec<f64>,
     /// What the same kind has on this target that is known exactly: the candidate may take so much from it.
     pub(super) known: f64,
+    /// How many times as long as usual everything takes in the log.
+    pub(super) pace: f64,
 }
 
 impl Column {
@@ -36,7 +38,7 @@ impl Column {
                 true => *n,
                 false => {
                     let lower = self.candidate.kind.lower_bound(k, self.known);
-                    (n + factor * (p - n)).clamp(lower, spec.upper)
+                    (n + factor * (p - n)).clamp(lower, spec.upper_at(self.pace))
                 }
             })
             .collect();
@@ -210,6 +212,7 @@ mod tests {
                 neutral: probe.neutral,
                 perturbed: probe.perturbed,
                 known: 0.0,
+                pace: study.pace.times(),
             };
             Probed::new(&study, fitted, &column).unwrap().change
         };

@@ -332,12 +332,12 @@ mod tests {
             let model = Model::load(&models.join(model)).unwrap();
             let hybrid = Hybrid::of(&model);
             assert_eq!(hybrid.is_stiff(), stiff, "{}", model.name);
-            let smoothing = hybrid.default_smoothing(true);
+            let smoothing = hybrid.default_smoothing(1);
             assert_eq!(smoothing, if stiff { 1e-3 } else { 1e-2 });
             let mut friction = hybrid.effects().iter().filter(|e| e.kind.dry().is_some());
             assert!(!stiff || friction.all(|e| e.smoothing == smoothing));
             let explicit = Hybrid::explicit(&model);
-            assert!(!explicit.is_stiff() && explicit.default_smoothing(true) == 1e-2);
+            assert!(!explicit.is_stiff() && explicit.default_smoothing(1) == 1e-2);
         }
     }
 

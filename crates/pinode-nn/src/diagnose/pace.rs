@@ -1,0 +1,268 @@
+//! How fast the motion in a log is, and with that how long windows, free runs and steps are.
+//!
+//! What takes a fraction of a second on a laboratory's cart-pole takes minutes on a ship and microseconds in a resonator. Times of this workflow are said for the
+//! one and are as many times as long, or as short, for the others.
+
+use super::smooth::unwrapped;
+use crate::shooting::{Observations, ObservedRun};
+
+/// Length of a window at the usual pace, s.
+pub const WINDOW_S: f64 = 0.6;
+/// A window holds so many periods of the fastest motion at most, and where it is made longer, or shorter for there would be few of them, half a one.
+const PERIODS: (f64, f64) = (0.5, 5.0);
+/// So many windows are many, and so many are few.
+const MANY: f64 = 90.0;
+const FEW: f64 = 40.0;
+/// What is slow has windows of so many intervals between samples, and of a part of a recording.
+const INTERVALS: f64 = 6.0;
+const PART: f64 = 0.25;
+/// Half width of what is smooth, s at the usual pace, and in periods at most.
+const SMOOTH: (f64, f64) = (0.06, 0.15);
+/// The integration step starts at or below this at the usual pace, s.
+const COARSEST_STEP: f64 = 5e-3;
+/// That of stiff models.
+const STIFF_STEP: f64 = 2.5e-3;
+/// Samples of a period of the motion that are kept, at least.
+const SAMPLES_PER_PERIOD: f64 = 24.0;
+/// Readings that span less than so many times their noise are of what is at rest, and ways of so many times it show where it goes.
+const MOVES: f64 = 10.0;
+/// A signal has crossed its middle when it leaves that by this part of its standard deviation.
+const CROSSED: f64 = 0.2;
+/// Fast are the samples beyond this share.
+const FAST: f64 = 0.95;
+/// No motion is slower, Hz.
+const SLOWEST: f64 = 1e-9;
+
+/// The pace of a motion.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pace {
+    /// How many times as long as usual everything takes.
+    times: f64,
+    /// Of the fastest coordinate, Hz.
+    frequency: f64,
+    /// Speed of each coordinate that is exceeded in one sample of twenty; infinite where it is at rest.
+    speeds: Vec<f64>,
+}
+
+impl Pace {
+    /// The pace of what was observed. Windows are of [`WINDOW_S`]; of five periods where the motion is faster, or less where that leaves few of them; and where
+    /// nothing is as fast, neither a position nor a velocity nor an input, of up to half a period, as far as that leaves many.
+    pub fn of(observations: &Observations) -> Self {
+        let runs = &observations.runs;
+        let interval = observations.typical_interval();
+        let mut durations: Vec<f64> = runs.iter().map(duration).collect();
+        let time: f64 = durations.iter().sum();
+        durations.sort_by(f64::total_cmp);
+        let typical = durations.get(durations.len() / 2).copied().unwrap_or(0.0);
+        let rate = |signals: &[Vec<f64>]| 0.5 * crossings(signals) as f64 / time;
+        let (mut frequency, mut all, mut speeds) = (SLOWEST, SLOWEST, Vec::new());
+        let positions = observations.channels.iter().enumerate();
+        for (c, channel) in positions.filter(|(_, channel)| !channel.velocity) {
+            let of = |run: &ObservedRun| match channel.wraps {
+                true => unwrapped(&run.y[c]),
+                false => run.y[c].clone(),
+            };
+            let y: Vec<Vec<f64>> = runs.iter().map(of).collect();
+            let moves = time > 0.0 && spans(&y) > MOVES * channel.noise;
+            speeds.push(f64::INFINITY);
+            if moves {
+                let (ways, span) = ways(&y, channel.noise);
+                speeds[c] = usual_size(&ways, FAST) / (span as f64 * interval);
+                frequency = frequency.max(rate(&y));
+                all = all.max(rate(&ways));
+            }
+        }
+        for i in 0..runs.first().map_or(0, |run| run.u.len()) {
+            let of_input: Vec<Vec<f64>> = runs.iter().map(|run| run.u[i].clone()).collect();
+            all = all.max(rate(&of_input));
+        }
+        let [half, longest] = [PERIODS.0, PERIODS.1].map(|periods| periods / frequency);
+        let coarse = (INTERVALS * interval).min(longest);
+        let window = if speeds.iter().all(|speed| speed.is_infinite()) {
+            WINDOW_S
+        } else if longest >= WINDOW_S {
+            let slow = (PERIODS.0 / all).min(half).min(time / MANY);
+            powers_of_two(slow.max(coarse).min(PART * typical)).max(WINDOW_S)
+        } else if time < FEW * longest {
+            powers_of_two((time / MANY).max(half).max(coarse)).min(longest)
+        } else {
+            longest
+        };
+        Pace {
+            times: window / WINDOW_S,
+            frequency,
+            speeds,
+        }
+    }
+
+    /// What takes so many seconds at the usual pace.
+    pub fn long(&self, usual: f64) -> f64 {
+        self.times * usual
+    }
+
+    /// How many times as long as usual everything takes.
+    pub fn times(&self) -> f64 {
+        self.times
+    }
+
+    /// Speed of each coordinate that is exceeded in one sample of twenty, m/s or rad/s; infinite where it is at rest.
+    pub fn speeds(&self) -> &[f64] {
+        &self.speeds
+    }
+
+    /// Length of a window, s.
+    pub fn window(&self) -> f64 {
+        self.long(WINDOW_S)
+    }
+
+    /// Half width of the smoothing, s.
+    pub fn half_width(&self) -> f64 {
+        self.long(SMOOTH.0).min(SMOOTH.1 / self.frequency)
+    }
+
+    /// The longest integration step to begin with, s.
+    pub fn coarsest_step(&self, stiff: bool) -> f64 {
+        let usual = if stiff { STIFF_STEP } else { COARSEST_STEP };
+        self.times.max(1.0) * usual
+    }
+
+    /// Samples that are closer than this, s, cost time and say little more.
+    pub fn closest_samples(&self) -> f64 {
+        let enough = 1.0 / (SAMPLES_PER_PERIOD * self.frequency);
+        self.coarsest_step(false).min(enough)
+    }
+}
+
+/// The length of a window nearest to `window`, s, and not above it, that is a power of two times the usual one: a few crossings more or less are no other pace.
+fn powers_of_two(window: f64) -> f64 {
+    WINDOW_S * (window / WINDOW_S).log2().floor().exp2()
+}
+
+/// The range of a signal.
+fn spans(signal: &[Vec<f64>]) -> f64 {
+    let all = || signal.iter().flatten().copied();
+    all().fold(f64::NEG_INFINITY, f64::max) - all().fold(f64::INFINITY, f64::min)
+}
+
+fn duration(run: &ObservedRun) -> f64 {
+    match run.t[..] {
+        [first, .., last] => last - first,
+        _ => 0.0,
+    }
+}
+
+/// The size that this share of a signal does not exceed.
+fn usual_size(signal: &[Vec<f64>], share: f64) -> f64 {
+    let mut sizes: Vec<f64> = signal.iter().flatten().map(|x| x.abs()).collect();
+    sizes.sort_by(f64::total_cmp);
+    let place = (share * sizes.len() as f64) as usize;
+    sizes.get(place).copied().unwrap_or(0.0)
+}
+
+/// How far positions go over as few samples as make that more than their noise, and how many those are.
+fn ways(y: &[Vec<f64>], noise: f64) -> (Vec<Vec<f64>>, usize) {
+    let longest = y.iter().map(Vec::len).max().unwrap_or(0) / 8;
+    let mut span = 1;
+    loop {
+        let of = |y: &Vec<f64>| -> Vec<f64> {
+            let pairs = y.iter().zip(y.iter().skip(span));
+            pairs.map(|(a, b)| b - a).collect()
+        };
+        let ways: Vec<Vec<f64>> = y.iter().map(of).collect();
+        if usual_size(&ways, 0.5) > MOVES * noise || 2 * span > longest {
+            return (ways, span);
+        }
+        span *= 2;
+    }
+}
+
+/// How often a signal crosses its middle.
+fn crossings(signal: &[Vec<f64>]) -> usize {
+    let mut crossings = 0;
+    for y in signal {
+        let n = y.len().max(1) as f64;
+        let mean = y.iter().sum::<f64>() / n;
+        let deviation = (y.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / n).sqrt();
+        let mut side = 0.0;
+        for y in y {
+            let now = y - mean;
+            if now.abs() > CROSSED * deviation {
+                if side * now < 0.0 {
+                    crossings += 1;
+                }
+                side = now;
+            }
+        }
+    }
+    crossings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shooting::Channel;
+
+    /// A position that swings at `frequency`, Hz, under an input that does, over `duration` s.
+    fn swing(frequency: f64, interval: f64, duration: f64) -> Observations {
+        let t: Vec<f64> = (0..(duration / interval) as usize)
+            .map(|k| k as f64 * interval)
+            .collect();
+        let wave = |phase: f64| -> Vec<f64> {
+            let angle = |t: &f64| std::f64::consts::TAU * (frequency * t) + phase;
+            t.iter().map(|t| angle(t).sin()).collect()
+        };
+        Observations {
+            channels: vec![Channel {
+                coordinate: 0,
+                velocity: false,
+                wraps: false,
+                noise: 1e-3,
+            }],
+            runs: vec![ObservedRun {
+                u: vec![wave(1.0)],
+                y: vec![wave(0.0)],
+                valid: vec![vec![true; t.len()]],
+                t,
+            }],
+        }
+    }
+
+    #[test]
+    fn the_pace_of_a_motion_that_is_twice_as_slow_over_twice_the_time_is_half() {
+        for slower in [16.0, 256.0, 4096.0] {
+            let slow = |more: f64| {
+                let s = slower * more;
+                Pace::of(&swing(0.9 / s, 0.02 * s, 60.0 * s)).times()
+            };
+            assert_eq!(slow(2.0), 2.0 * slow(1.0));
+            let off = slow(1.0) / slower;
+            assert!((0.5..=2.0).contains(&off), "{slower} times as slow: {off}");
+        }
+    }
+
+    #[test]
+    fn a_cart_poles_windows_are_the_usual_ones_and_a_resonators_are_of_five_periods() {
+        for (frequency, duration) in [(0.5, 60.0), (0.9, 60.0), (0.9, 600.0), (3.0, 8.0)] {
+            let window = Pace::of(&swing(frequency, 0.02, duration)).window();
+            assert_eq!(window, WINDOW_S, "{frequency} Hz over {duration} s");
+        }
+        let window = Pace::of(&swing(60.0, 1e-3, 20.0)).window();
+        assert!((window - 5.0 / 60.0).abs() < 1e-3, "{window}");
+    }
+
+    #[test]
+    fn few_windows_of_a_fast_motion_are_shorter() {
+        let window = Pace::of(&swing(60.0, 1e-3, 1.0)).window();
+        assert!((0.5 / 60.0..1.0 / 40.0).contains(&window), "{window}");
+    }
+
+    /// One of a thousand times the time, but its input changes as fast as ever.
+    #[test]
+    fn what_is_pushed_fast_is_not_slow() {
+        let mut observations = swing(1e-3, 0.02, 1000.0);
+        let fast = swing(0.9, 0.02, 1000.0).runs.remove(0).u;
+        assert!(Pace::of(&observations).times() > 8.0);
+        observations.runs[0].u = fast;
+        assert_eq!(Pace::of(&observations).times(), 1.0);
+    }
+}

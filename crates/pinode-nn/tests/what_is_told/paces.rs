@@ -1,0 +1,76 @@
+//! The same motion many times as slowly or as fast. With times s-fold, inertias s²-fold and viscous coefficients s-fold all forces are as they were.
+
+use super::pendulum::*;
+use pinode_nn::log::Log;
+use pinode_nn::model::Model;
+
+/// From here to a ship that rolls once a minute, and to a reed.
+const PACES: [f64; 2] = [64.0, 1.0 / 64.0];
+
+fn model_at(pace: f64) -> Model {
+    parsed(&format!(
+        "name = \"pendulum\"\n\
+         lagrangian = {{ coordinates = [\"phi\"], angles = [\"phi\"], kinetic = \"0.5*{}*phi_dot^2\", potential = \"-{WEIGHT}*cos(phi)\" }}\n\
+         [[input]]\nname = \"motor\"\njoint = \"phi\"\n\
+         [[effect]]\nkind = \"viscous_friction\"\njoint = \"phi\"\ncoefficient = {}\n\
+         [sensor.phi]\nposition_noise = {NOISE:e}\nvelocity = \"none\"\n",
+        INERTIA * pace * pace,
+        VISCOUS * pace
+    ))
+}
+
+fn at(pace: f64, mut log: Log) -> Log {
+    log.runs[0].t.iter_mut().for_each(|t| *t *= pace);
+    log
+}
+
+#[test]
+fn a_late_input_is_found_in_slow_motion_and_in_fast() {
+    const LATE: f64 = 0.07;
+    let late = |t: f64| torque(((t - LATE).max(0.0) / 0.02).floor() * 0.02);
+    for pace in PACES {
+        let log = log_of_swings(3, |t, [_, v], _| 0.5 * late(t) - VISCOUS * v);
+        let found = diagnosed(&model_at(pace), at(pace, log));
+        let [effect] = found.effects.as_slice() else {
+            panic!("{pace}: {:?}", found.effects);
+        };
+        assert_eq!(effect.kind, "input_delay", "{pace}");
+        let delay = &effect.parameters["delay"];
+        let off = delay.value / pace - LATE;
+        assert!(off.abs() < 1e-3, "{pace}: {delay:?}");
+        assert!(found.gap.after < 0.2 * found.gap.before, "{:?}", found.gap);
+    }
+}
+
+#[test]
+fn friction_is_found_in_slow_motion_and_in_fast() {
+    const FORCE: f64 = 0.05;
+    for pace in PACES {
+        let law = |_, [_, v]: [f64; 2], u| u - VISCOUS * v - FORCE * (v / 1e-3).tanh();
+        let found = diagnosed(&model_at(pace), at(pace, log_of_swings(5, law)));
+        let [effect] = found.effects.as_slice() else {
+            panic!("{pace}: {:?}", found.effects);
+        };
+        assert_eq!(effect.kind, "coulomb_friction", "{pace}");
+        let force = &effect.parameters["force"];
+        assert!(
+            (force.value - FORCE).abs() < 0.02 * FORCE,
+            "{pace}: {force:?}"
+        );
+        assert!(found.gap.after < 0.2 * found.gap.before, "{:?}", found.gap);
+    }
+}
+
+#[test]
+fn nothing_is_found_in_an_exact_model_of_slow_motion_and_of_fast() {
+    for pace in PACES {
+        let log = log_of_swings(7, |_, [_, v], u| u - VISCOUS * v);
+        let found = diagnosed(&model_at(pace), at(pace, log));
+        assert!(found.effects.is_empty(), "{pace}: {:?}", found.effects);
+        assert!(
+            found.unexplained.is_none(),
+            "{pace}: {:?}",
+            found.unexplained
+        );
+    }
+}
