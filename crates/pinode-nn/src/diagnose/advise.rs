@@ -3,6 +3,7 @@
 use super::at_rest::Unborne;
 use super::audit::median;
 use super::candidate::Candidate;
+use super::elsewhere::Elsewhere;
 use super::experiment::{Outcome, Split, short};
 use super::misfit::{is_unexplained, strays};
 use super::search::Search;
@@ -241,6 +242,30 @@ pub fn unseen_spring(spring: &UnseenSpring, hybrid: &Hybrid, inputs: &[Input]) -
         joint.name,
         number(spring.stiffness)
     ))
+}
+
+/// What to ask where the unseen part contradicts a name.
+pub fn elsewhere(elsewhere: &Elsewhere, name: &Name, hybrid: &Hybrid) -> String {
+    let Elsewhere {
+        candidate,
+        parameter,
+        seen,
+        held_out,
+    } = elsewhere;
+    let angular = hybrid.is_angular(candidate.kind, candidate.target);
+    let unit = match parameter.quantity.unit(angular) {
+        "1" => String::new(),
+        unit => format!(" {unit}"),
+    };
+    let value = |(value, error): (f64, f64)| format!("{}{unit}", uncertain(value, Some(error)));
+    format!(
+        "{} on `{}` explains what the seen windows lack, with `{}` = {}, and the part held out contradicts it: there it is {}. Ask what was changed between them,          and diagnose each by itself.",
+        spoken(&name.kind),
+        name.target,
+        parameter.name,
+        value(*seen),
+        value(*held_out)
+    )
 }
 
 /// What to record where the unseen part does not move what a name is about.

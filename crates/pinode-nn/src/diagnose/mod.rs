@@ -21,6 +21,7 @@ mod confidence;
 mod constancy;
 pub(crate) mod conventions;
 pub mod curves;
+mod elsewhere;
 mod experiment;
 mod found;
 mod gap;
@@ -67,6 +68,7 @@ use self::audit::{Audited, Masked, second_look};
 use self::candidate::Candidate;
 use self::conventions::{AsMeant, as_meant};
 use self::curves::{Curves, ResidualForce};
+use self::elsewhere::elsewhere;
 use self::kept::Kept;
 use self::last_resort::Resort;
 use self::proof::{Proof, Proved};
@@ -286,6 +288,9 @@ pub(crate) fn diagnose_into(
     if something_is_left && let Some(unborne) = at_rest::unborne(study, &search) {
         let name = write_up::name(&unborne.candidate, &search.model.hybrid, &names);
         advice.insert(0, advise::at_rest(&unborne, &name, &search.model.hybrid));
+    } else if something_is_left && let Some(other) = elsewhere(study, &search) {
+        let name = write_up::name(&other.candidate, &search.model.hybrid, &names);
+        advice.insert(0, advise::elsewhere(&other, &name, &search.model.hybrid));
     }
     if contradicted {
         advice.push(advise::contradicted(&gap));

@@ -10,6 +10,8 @@ mod sticking;
 
 use pinode_nn::diagnose::verdict::Verdict;
 
+use pinode_nn::log::Log;
+
 use pendulum::*;
 
 /// As one of a motion that is a thousand times as slow it may be meant too; the model says that it is not.
@@ -31,6 +33,52 @@ fn milliseconds_for_seconds_are_read_as_milliseconds() {
     assert!(
         (coefficient.value - 0.05).abs() < 4.0 * coefficient.std.unwrap(),
         "{coefficient:?}"
+    );
+}
+
+/// A second log of another day, which has its own SHA.
+fn of_another_day(mut log: Log) -> Log {
+    log.sha256 = "another".into();
+    log
+}
+
+#[test]
+fn a_name_that_another_day_contradicts_is_said_with_what_it_is_there() {
+    const STIFFNESS: f64 = 0.2;
+    let with_spring = log_of_swings(1, |_, [q, v], u| u - VISCOUS * v - STIFFNESS * q);
+    let without = log_of_swings(2, |_, [_, v], u| u - VISCOUS * v);
+    let found = diagnosed_beside(&model(false), with_spring, &[of_another_day(without)]);
+    assert!(found.effects.is_empty(), "{:?}", found.effects);
+    let told = |words: &str| advises(&found, words);
+    assert!(
+        told("linear spring on `phi` explains"),
+        "{:?}",
+        found.advice
+    );
+    assert!(
+        told("the part held out contradicts it: there it is"),
+        "{:?}",
+        found.advice
+    );
+}
+
+#[test]
+fn two_delays_of_two_days_are_both_said() {
+    let late = |by: f64| move |t: f64| 0.5 * torque(((t - by).max(0.0) / 0.02).floor() * 0.02);
+    let day =
+        |seed: u64, by: f64| log_of_swings(seed, move |t, [_, v], _| late(by)(t) - VISCOUS * v);
+    let found = diagnosed_beside(&model(false), day(1, 0.08), &[of_another_day(day(2, 0.02))]);
+    let told = |words: &str| advises(&found, words);
+    assert!(
+        told("`delay` = 0.0"),
+        "{:?} {:?}",
+        found.verdict,
+        found.advice
+    );
+    assert!(
+        told("contradicts it: there it is 0.0"),
+        "{:?}",
+        found.advice
     );
 }
 

@@ -111,8 +111,13 @@ fn log_under(
 }
 
 pub fn diagnosed(model: &Model, log: Log) -> Diagnosis {
+    diagnosed_beside(model, log, &[])
+}
+
+/// The same with these logs held out.
+pub fn diagnosed_beside(model: &Model, log: Log, held_out: &[Log]) -> Diagnosis {
     let dir = tempfile::tempdir().unwrap();
-    diagnose(model, &[log], &[], dir.path(), 0, &|_| ())
+    diagnose(model, &[log], held_out, dir.path(), 0, &|_| ())
         .unwrap_or_else(|e| panic!("{e}"))
         .diagnosis
 }
