@@ -3,22 +3,17 @@
 //! r = M(q) v̇ + C(q, v) v + G(q) − Q_model with q, v, v̇ from local cubics through the measurements. This explains and orders; it
 //! does not decide: its noise is too high for that.
 
-use super::audit::{Masked, median};
-use super::curves::{Profile, ResidualForce};
+use super::audit::Masked;
+use super::curves::ResidualForce;
+use super::signals::Signals;
 use super::smooth::Smoothed;
 use super::study::{Fitted, Study};
 use super::verdict::Disagreement;
 use crate::hybrid::{Reading, State};
 use crate::shooting::ObservedRun;
 
-/// Number of quantile bins of the correlation ratio.
-const BINS: usize = 12;
-/// A force of whose variance no signal explains this share is tied to none.
-pub const TIED: f64 = 0.05;
-/// Position and direction of motion together are worth a word when they explain so much more than the best signal alone.
-const WORTH_A_WORD: f64 = 0.1;
-/// Signals along which the mean force is drawn.
-const PROFILES: usize = 8;
+/// Over what time the change of an input is asked, s at the usual pace.
+const CHANGE_S: f64 = 0.08;
 
 /// Locates the disagreement of a fitted model, worst coordinate first; what is masked is not looked at.
 pub fn locate(
@@ -37,7 +32,8 @@ pub fn locate(
     let mut residuals: Vec<Vec<f64>> = vec![Vec::new(); nv];
     let mut noise_square = vec![0.0; nv];
     let mut times: Vec<(usize, f64)> = Vec::new();
-    let mut signals = Signals::new(coordinates, input_names);
+    let change = study.pace.long(CHANGE_S);
+    let mut signals = Signals::new(coordinates, input_names, change);
     let mut memory = hybrid.memory(&[]);
     let mut mass = nalgebra::DMatrix::zeros(nv, nv);
 
@@ -50,7 +46,7 @@ pub fn locate(
         let side = ((half_width / interval.max(1e-12)) as usize).max(3) as f64;
         // Deviation of a local quadratic's or cubic's second derivative over 2 side + 1 samples of unit noise.
         let curvature_noise = (720.0 / (2.0 * side + 1.0).powi(5)).sqrt() / interval.powi(2);
-        let lag = ((0.08 / interval.max(1e-12)) as usize).max(1);
+        let lag = ((change / interval.max(1e-12)) as usize).max(1);
         let modelled = modelled_accelerations(fitted, run, smooth, &readings);
         let kernel = kernel(side as usize);
         let mut reversal = vec![run.t[0]; nv];
@@ -205,198 +201,6 @@ fn averaged(modelled: &[Vec<f64>], k: usize, kernel: &[f64]) -> Vec<f64> {
     sum
 }
 
-/// What a missing force could depend on, at the looked-at samples.
-struct Signals {
-    names: Vec<(String, String)>,
-    values: Vec<Vec<f64>>,
-}
-
-impl Signals {
-    fn new(coordinates: &[lagrange::Coordinate], inputs: &[String]) -> Self {
-        let mut names = Vec::new();
-        for c in coordinates {
-            let unit = c.unit();
-            names.push((format!("position of {}", c.name), unit.to_owned()));
-            names.push((format!("velocity of {}", c.name), format!("{unit}/s")));
-            names.push((format!("acceleration of {}", c.name), format!("{unit}/s²")));
-            names.push((format!("time since {} reversed", c.name), "s".to_owned()));
-        }
-        for input in inputs {
-            names.push((format!("input {input}"), String::new()));
-            names.push((format!("change of input {input} over 80 ms"), String::new()));
-        }
-        names.push(("time".to_owned(), "s".to_owned()));
-        Signals {
-            values: vec![Vec::new(); names.len()],
-            names,
-        }
-    }
-
-    fn push(
-        &mut self,
-        run: &ObservedRun,
-        smooth: &Smoothed,
-        k: usize,
-        lag: usize,
-        reversal: &[f64],
-    ) {
-        let mut all = Vec::with_capacity(self.names.len());
-        for (c, since) in reversal.iter().enumerate() {
-            all.extend([
-                smooth.q[c][k],
-                smooth.v[c][k],
-                smooth.a[c][k],
-                run.t[k] - since,
-            ]);
-        }
-        for u in &run.u {
-            all.extend([u[k], u[k] - u[k.saturating_sub(lag)]]);
-        }
-        all.push(run.t[k]);
-        for (column, value) in self.values.iter_mut().zip(all) {
-            column.push(value);
-        }
-    }
-
-    /// Adjusted correlation ratio η² = 1 − [RSS/(n − B)] / [TSS/(n − 1)] of each signal over B quantile bins, largest first. The
-    /// acceleration shares its noise with the force and is left out for its own coordinate.
-    fn explain(&self, coordinate: usize, force: &[f64]) -> Vec<(usize, f64)> {
-        let clipped = clipped(force);
-        if clipped.len() < 4 * BINS {
-            return vec![(0, 0.0)];
-        }
-        let mut shares: Vec<(usize, f64)> = (0..self.names.len())
-            .filter(|&s| s != 4 * coordinate + 2)
-            .map(|s| (s, correlation_ratio(&self.values[s], &clipped)))
-            .collect();
-        shares.sort_by(|a, b| b.1.total_cmp(&a.1));
-        shares
-    }
-
-    /// The ratio for q and sign v of a coordinate together: half of the bins for either direction of motion, about.
-    fn by_position_and_direction(&self, coordinate: usize, force: &[f64]) -> f64 {
-        if force.len() < 4 * BINS {
-            return 0.0;
-        }
-        let (q, v) = (
-            &self.values[4 * coordinate],
-            &self.values[4 * coordinate + 1],
-        );
-        let lowest = q.iter().copied().fold(f64::INFINITY, f64::min);
-        // One number in the order of both: positions of motion backward lie below all of those forward.
-        let both: Vec<f64> = q
-            .iter()
-            .zip(v)
-            .map(|(q, v)| match *v < 0.0 {
-                true => lowest - q - f64::MIN_POSITIVE,
-                false => q - lowest,
-            })
-            .collect();
-        correlation_ratio(&both, &clipped(force))
-    }
-
-    /// The mean force along the signals that explain most of it, and along the position for either direction of motion.
-    fn profiles(
-        &self,
-        coordinate: usize,
-        explained: &[(usize, f64)],
-        force: &[f64],
-    ) -> Vec<Profile> {
-        let velocity = &self.values[4 * coordinate + 1];
-        let profile = |s: usize, way: &str, keep: &dyn Fn(f64) -> bool| {
-            let taken: Vec<usize> = (0..force.len()).filter(|&i| keep(velocity[i])).collect();
-            let (ranges, force) = binned(&self.values[s], force, taken)?;
-            Some(Profile {
-                signal: format!("{}{way}", self.names[s].0),
-                unit: self.names[s].1.clone(),
-                ranges,
-                force,
-            })
-        };
-        let single = explained.iter().take(PROFILES);
-        single
-            .filter_map(|e| profile(e.0, "", &|_| true))
-            .chain(profile(4 * coordinate, ", moving up", &|v| v > 0.0))
-            .chain(profile(4 * coordinate, ", moving down", &|v| v < 0.0))
-            .collect()
-    }
-
-    fn words(&self, (best, share): (usize, f64), together: f64, force: &[f64]) -> String {
-        let n = force.len().max(1) as f64;
-        let mean = force.iter().sum::<f64>() / n;
-        let rms = (force.iter().map(|f| f * f).sum::<f64>() / n).sqrt();
-        if share < TIED && together < TIED + WORTH_A_WORD {
-            return if mean.abs() > 0.5 * rms {
-                "everywhere alike: a constant".to_owned()
-            } else {
-                "not tied to any one signal".to_owned()
-            };
-        }
-        let also = match together > share + WORTH_A_WORD {
-            true => format!(
-                "; its own position and direction of motion together explain {:.0} %",
-                100.0 * together
-            ),
-            false => String::new(),
-        };
-        format!(
-            "follows the {} ({:.0} % of its variance){also}",
-            self.names[best].0,
-            100.0 * share
-        )
-    }
-}
-
-/// The force without its extremes: those further than four standard deviations, by the median deviation, from the median.
-fn clipped(force: &[f64]) -> Vec<f64> {
-    let mut sorted = force.to_vec();
-    let middle = median(&mut sorted);
-    let mut away: Vec<f64> = force.iter().map(|f| (f - middle).abs()).collect();
-    let limit = 4.0 * 1.4826 * median(&mut away);
-    force
-        .iter()
-        .map(|f| f.clamp(middle - limit, middle + limit))
-        .collect()
-}
-
-/// η² of a force over quantile bins of a signal; as many samples as four a bin, or more.
-fn correlation_ratio(signal: &[f64], force: &[f64]) -> f64 {
-    let n = force.len();
-    let mean = force.iter().sum::<f64>() / n as f64;
-    let total: f64 = force.iter().map(|f| (f - mean).powi(2)).sum();
-    let mut order: Vec<usize> = (0..n).collect();
-    order.sort_by(|&a, &b| signal[a].total_cmp(&signal[b]));
-    let rest: f64 = (0..BINS)
-        .map(|b| {
-            let bin = &order[b * n / BINS..(b + 1) * n / BINS];
-            let mean = bin.iter().map(|&i| force[i]).sum::<f64>() / bin.len() as f64;
-            bin.iter().map(|&i| (force[i] - mean).powi(2)).sum::<f64>()
-        })
-        .sum();
-    let ratio = (rest / (n - BINS) as f64) / (total / (n - 1) as f64).max(1e-300);
-    (1.0 - ratio).max(0.0)
-}
-
-/// Range of a signal and mean force in each quantile bin of the samples `taken`; none of too few.
-fn binned(
-    signal: &[f64],
-    force: &[f64],
-    mut taken: Vec<usize>,
-) -> Option<(Vec<[f64; 2]>, Vec<f64>)> {
-    taken.sort_by(|&a, &b| signal[a].total_cmp(&signal[b]));
-    let n = taken.len();
-    let enough = n >= 4 * BINS;
-    enough.then(|| {
-        (0..BINS)
-            .map(|b| {
-                let bin = &taken[b * n / BINS..(b + 1) * n / BINS];
-                let mean = bin.iter().map(|&i| force[i]).sum::<f64>() / bin.len() as f64;
-                ([signal[bin[0]], signal[bin[bin.len() - 1]]], mean)
-            })
-            .unzip()
-    })
-}
-
 /// The times around which the force is largest: the upper twentieth, joined where close, the longest ten.
 fn intervals(times: &[(usize, f64)], force: &[f64], half_width: f64) -> Vec<[f64; 2]> {
     let mut sizes: Vec<f64> = force.iter().map(|f| f.abs()).collect();
@@ -429,30 +233,6 @@ fn intervals(times: &[(usize, f64)], force: &[f64], half_width: f64) -> Vec<[f64
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_force_that_changes_with_position_and_direction_is_explained_by_both_together() {
-        let angles = (0..3000).map(|k| 0.037 * f64::from(k));
-        let (q, v): (Vec<f64>, Vec<f64>) = angles.map(|a| (a.sin(), a.cos())).unzip();
-        let signals = Signals {
-            names: ["position of x", "velocity of x", "acceleration of x"]
-                .map(|name| (name.to_owned(), String::new()))
-                .to_vec(),
-            values: vec![q.clone(), v.clone(), vec![0.0; q.len()]],
-        };
-        let force: Vec<f64> = q.iter().zip(&v).map(|(q, v)| q * v.signum()).collect();
-        let best = signals.explain(0, &force)[0];
-        let together = signals.by_position_and_direction(0, &force);
-        assert!(best.1 < 0.2 && together > 0.9, "{best:?} {together}");
-        let words = signals.words(best, together, &force);
-        assert!(words.contains("position and direction"), "{words}");
-        let profiles = signals.profiles(0, &[best], &force);
-        let [_, up, down] = profiles.as_slice() else {
-            panic!("{profiles:?}")
-        };
-        assert!(up.force[0] < -0.9 && up.force[11] > 0.9, "{up:?}");
-        assert!(down.force[0] > 0.9 && down.force[11] < -0.9, "{down:?}");
-    }
 
     #[test]
     fn the_kernel_sees_an_acceleration_as_the_local_fit_does() {

@@ -48,6 +48,7 @@ mod search;
 mod setup;
 mod shapes;
 mod shown;
+mod signals;
 mod simplify;
 pub mod sketch;
 mod slight;

@@ -10,6 +10,8 @@ use crate::shooting::{Observations, ObservedRun};
 pub const WINDOW_S: f64 = 0.6;
 /// A window holds so many periods of the fastest motion at most, and where it is made longer, or shorter for there would be few of them, half a one.
 const PERIODS: (f64, f64) = (0.5, 5.0);
+/// … and so many of what is fastest in its velocities and inputs.
+const OF_PUSHES: f64 = 1.5;
 /// So many windows are many, and so many are few.
 const MANY: f64 = 90.0;
 const FEW: f64 = 40.0;
@@ -46,7 +48,7 @@ pub struct Pace {
 
 impl Pace {
     /// The pace of what was observed. Windows are of [`WINDOW_S`]; of five periods where the motion is faster, or less where that leaves few of them; and where
-    /// nothing is as fast, neither a position nor a velocity nor an input, of up to half a period, as far as that leaves many.
+    /// nothing is as fast, neither a position nor a velocity nor an input, of up to half a period of the fastest position, as far as that leaves many.
     pub fn of(observations: &Observations) -> Self {
         let runs = &observations.runs;
         let interval = observations.typical_interval();
@@ -81,7 +83,7 @@ impl Pace {
         let window = if speeds.iter().all(|speed| speed.is_infinite()) {
             WINDOW_S
         } else if longest >= WINDOW_S {
-            let slow = (PERIODS.0 / all).min(half).min(time / MANY);
+            let slow = half.min(OF_PUSHES / all).min(time / MANY);
             powers_of_two(slow.max(coarse).min(PART * typical)).max(WINDOW_S)
         } else if time < FEW * longest {
             powers_of_two((time / MANY).max(half).max(coarse)).min(longest)

@@ -2,7 +2,7 @@
 
 use super::curves::{FreeRun, ResidualForce};
 use super::gap::Errors;
-use super::locate::TIED;
+use super::signals::TIED;
 use super::verdict::{CoordinateGap, Region, RegionErrors};
 
 /// Bins whose mean square force is more than this part of the largest one are in the region.

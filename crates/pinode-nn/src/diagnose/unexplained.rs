@@ -6,6 +6,7 @@
 use super::advise::spoken;
 use super::curves::ResidualForce;
 use super::remainder::Remainder;
+use super::signals::{TIED, clipped, relative};
 use super::study::{Fitted, Study};
 use super::verdict::{ForceCurve, Memory, NearShape, SharedSignal, Unexplained};
 use crate::bins::{binned, cell_means, explained_by};
@@ -32,7 +33,17 @@ struct Signal {
     unit: String,
     values: Vec<f64>,
     /// What a network sees of it; time is nothing that a force follows.
-    quantity: Option<Quantity>,
+    quantities: Vec<Quantity>,
+}
+
+impl Signal {
+    /// Its share as it is compared with that of others: one of two coordinates has to explain more than one of each by itself.
+    fn merit(&self, share: f64) -> f64 {
+        match self.quantities.len() {
+            2.. => share - TIED,
+            _ => share,
+        }
+    }
 }
 
 /// Describes what a fitted model leaves on the coordinate of `residual`, which is the `c`th; `left` is what it follows from, where the
@@ -55,7 +66,8 @@ pub fn describe(
         .enumerate()
         .map(|(s, signal)| (s, explained_by(&force, &[&signal.values], POINTS / 2)))
         .collect();
-    explained.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let merit = |&(s, share): &(usize, f64)| present[s].merit(share);
+    explained.sort_by(|a, b| merit(b).total_cmp(&merit(a)));
     let &(best, alone) = explained.first()?;
 
     let of_two = |s: usize| {
@@ -68,7 +80,7 @@ pub fn describe(
     let second = (0..present.len())
         .filter(|&s| s != best)
         .map(|s| (s, of_two(s)))
-        .max_by(|a, b| a.1.total_cmp(&b.1))
+        .max_by(|a, b| merit(a).total_cmp(&merit(b)))
         .filter(|&(_, both)| both > alone + WORTH);
     let coordinates = fitted.hybrid.mechanics().coordinates();
     let names: Vec<&str> = coordinates.iter().map(|c| c.name.as_str()).collect();
@@ -109,7 +121,7 @@ pub fn describe(
     let follows_most = (alone > WORTH).then_some(best).into_iter();
     let signals = follows_most
         .chain(second.map(|s| s.0))
-        .filter_map(|s| present[s].quantity)
+        .flat_map(|s| present[s].quantities.clone())
         .collect();
     if let Some(left) = left {
         let follows = left.follows.words(&residual.coordinate);
@@ -136,15 +148,6 @@ fn sample_at(study: &Study, run: usize, t: f64) -> usize {
     times.partition_point(|&x| x < t).min(times.len() - 1)
 }
 
-/// The force without what stands far out: four robust deviations.
-fn clipped(force: &[f64]) -> Vec<f64> {
-    let middle = super::audit::median(&mut force.to_vec());
-    let mut away: Vec<f64> = force.iter().map(|f| (f - middle).abs()).collect();
-    let limit = 4.0 * 1.4826 * super::audit::median(&mut away);
-    let within = |f: &f64| f.clamp(middle - limit, middle + limit);
-    force.iter().map(within).collect()
-}
-
 /// Positions, velocities, inputs and time.
 fn present(
     study: &Study,
@@ -163,13 +166,36 @@ fn present(
             name: format!("velocity of {}", coordinate.name),
             unit: format!("{unit}/s"),
             values: of(|s| &s.v),
-            quantity: Some(Quantity::Velocity(c)),
+            quantities: vec![Quantity::Velocity(c)],
         });
         signals.push(Signal {
             name: format!("position of {}", coordinate.name),
             unit: unit.to_owned(),
             values: of(|s| &s.q),
-            quantity: Some(Quantity::Position(c)),
+            quantities: vec![Quantity::Position(c)],
+        });
+    }
+    let coordinates = fitted.hybrid.mechanics().coordinates();
+    for (c, of_pair) in relative(coordinates) {
+        let between = |of: fn(&super::smooth::Smoothed) -> &Vec<Vec<f64>>| {
+            let at = |&(run, k): &(usize, usize)| {
+                let columns = of(&study.smoothed[run]);
+                columns[c + 1][k] - columns[c][k]
+            };
+            places.iter().map(at).collect()
+        };
+        let unit = coordinates[c].unit();
+        signals.push(Signal {
+            name: format!("velocity of {of_pair}"),
+            unit: format!("{unit}/s"),
+            values: between(|s| &s.v),
+            quantities: vec![Quantity::Velocity(c + 1), Quantity::Velocity(c)],
+        });
+        signals.push(Signal {
+            name: format!("position of {of_pair}"),
+            unit: unit.to_owned(),
+            values: between(|s| &s.q),
+            quantities: vec![Quantity::Position(c + 1), Quantity::Position(c)],
         });
     }
     for (i, name) in inputs.iter().enumerate() {
@@ -178,7 +204,7 @@ fn present(
             name: format!("input {name}"),
             unit: String::new(),
             values: places.iter().map(at).collect(),
-            quantity: Some(Quantity::Input { input: i, back: 0 }),
+            quantities: vec![Quantity::Input { input: i, back: 0 }],
         });
     }
     signals.push(Signal {
@@ -188,7 +214,7 @@ fn present(
             .iter()
             .map(|&(run, k)| study.observations.runs[run].t[k])
             .collect(),
-        quantity: None,
+        quantities: Vec::new(),
     });
     signals
 }
@@ -467,7 +493,7 @@ mod tests {
                 name: "velocity".into(),
                 unit: "m/s".into(),
                 values,
-                quantity: None,
+                quantities: Vec::new(),
             };
             odd_share(&curve(&force, &signal)).unwrap_or(f64::NAN)
         };
