@@ -168,6 +168,23 @@ fn a_push_by_hand_is_a_fault_of_the_data() {
     assert!(diagnosis.gap.after < 3.0, "{}", diagnosis.gap.after);
 }
 
+/// The same beside a spring that the model has a tenth too soft: that is found, and explains no hand.
+#[test]
+fn a_push_by_hand_stays_a_fault_beside_an_effect() {
+    let recording = Recording {
+        unlogged: |t, x| -2.0 * x + if (11.0..11.8).contains(&t) { 12.0 } else { 0.0 },
+        ..Recording::HEALTHY
+    };
+    let diagnosis = diagnosed(&[recording.rows()]);
+    assert!(covers(only(&diagnosis, "unlogged_force"), 11.1, 11.7));
+    let [effect] = diagnosis.effects.as_slice() else {
+        panic!("{:?}", diagnosis.effects);
+    };
+    assert_eq!(effect.kind, "linear_spring");
+    let stiffness = effect.parameters["stiffness"].value;
+    assert!((stiffness - 2.0).abs() < 0.1, "{stiffness}");
+}
+
 /// A potentiometer reads nonsense between 0.20 and 0.26 m.
 #[test]
 fn a_blind_zone_of_the_sensor_is_a_fault_of_the_data() {

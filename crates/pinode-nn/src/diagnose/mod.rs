@@ -17,6 +17,7 @@ mod at_rest;
 pub(crate) mod audit;
 mod blows;
 mod candidate;
+mod cleaned;
 mod confidence;
 mod constancy;
 pub(crate) mod conventions;
@@ -65,20 +66,16 @@ mod write_up;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use self::audit::{Audited, Masked, second_look};
 use self::candidate::Candidate;
+use self::cleaned::Cleaned;
 use self::conventions::{AsMeant, as_meant};
-use self::curves::{Curves, ResidualForce};
+use self::curves::Curves;
 use self::elsewhere::elsewhere;
 use self::kept::Kept;
 use self::last_resort::Resort;
 use self::proof::{Proof, Proved};
-use self::search::Search;
-use self::setup::{Prepared, prepare};
 use self::study::Study;
-use self::verdict::{
-    DataFault, Diagnosis, Disagreement, LogProvenance, Numerics, Provenance, Verdict,
-};
+use self::verdict::{Diagnosis, LogProvenance, Numerics, Provenance, Verdict};
 use crate::Error;
 use crate::effect::Kind;
 use crate::entries::refuse_poses;
@@ -193,6 +190,11 @@ pub(crate) fn diagnose_into(
         .map(|input| input.name.clone())
         .collect();
     let mut search = cleaned.search(seed, report);
+    // What looked like a push beside a wrong model may be none beside the found one.
+    if !search.found.is_empty() && cleaned.takes_back(&search) {
+        report("fitting what seemed to be pushed too: what was found explains it");
+        search = cleaned.search(seed, report);
+    }
     // What a wrong model hides among its own errors may show beside the found one.
     if misfit::is_unexplained(&cleaned.prepared.study, &search.model)
         && cleaned.look_again(model, &search, &names, report)
@@ -389,124 +391,5 @@ fn provenance(
         windows: [study.windows.fit.len(), study.windows.held_out.len()],
         window_s: study.pace.window(),
         substeps: study.substeps,
-    }
-}
-
-/// The null model on data without their faults.
-struct Cleaned {
-    prepared: Prepared,
-    fit_runs: usize,
-    faults: Vec<DataFault>,
-    masked: Masked,
-    disagreement: Vec<Disagreement>,
-    residuals: Vec<ResidualForce>,
-}
-
-impl Cleaned {
-    /// Fits the model as given, and once more where its residuals show a fault of the data.
-    fn new(
-        model: &Model,
-        audited: Audited,
-        fit_runs: usize,
-        report: &dyn Fn(&str),
-        means: &Means,
-    ) -> Result<Self, Error> {
-        let Audited {
-            observations,
-            faults,
-            masked,
-            ..
-        } = audited;
-        let prepared = prepare(model, observations, fit_runs, &masked, means)?;
-        let mut cleaned = Cleaned {
-            prepared,
-            fit_runs,
-            faults,
-            masked,
-            disagreement: Vec::new(),
-            residuals: Vec::new(),
-        };
-        let names: Vec<String> = model.inputs.iter().map(|i| i.name.clone()).collect();
-        report("locating the disagreement");
-        let null = cleaned.prepared.null.clone();
-        (cleaned.disagreement, cleaned.residuals) = cleaned.locate(&null, &names);
-        let residuals = cleaned.residuals.clone();
-        cleaned.look(model, &null, &residuals, &names, report);
-        Ok(cleaned)
-    }
-
-    fn locate(
-        &self,
-        fitted: &study::Fitted,
-        names: &[String],
-    ) -> (Vec<Disagreement>, Vec<ResidualForce>) {
-        let Prepared {
-            study, smoothed, ..
-        } = &self.prepared;
-        let half_width = study.pace.half_width();
-        locate::locate(study, fitted, smoothed, half_width, names, &self.masked)
-    }
-
-    fn search(&self, seed: u64, report: &dyn Fn(&str)) -> Search {
-        let Prepared { study, null, .. } = &self.prepared;
-        let mut search = search::search(study, null.clone(), seed, report);
-        search.normalise();
-        search
-    }
-
-    /// Looks at the residuals of what was found. Whether a fault of the data was seen.
-    fn look_again(
-        &mut self,
-        model: &Model,
-        search: &Search,
-        names: &[String],
-        report: &dyn Fn(&str),
-    ) -> bool {
-        let (_, residuals) = self.locate(&search.model, names);
-        self.look(model, &search.model, &residuals, names, report)
-    }
-
-    /// Masks what the residuals of a fitted model show to be faulty and fits the model as given anew. Whether there was such a fault.
-    fn look(
-        &mut self,
-        model: &Model,
-        fitted: &study::Fitted,
-        residuals: &[ResidualForce],
-        names: &[String],
-        report: &dyn Fn(&str),
-    ) -> bool {
-        let Some(look) = second_look(&self.prepared.study, fitted, residuals, &self.masked) else {
-            return false;
-        };
-        report("fitting the model as given without what is faulty in the data");
-        let mut faults = look.faults;
-        let means = Means {
-            without: self.prepared.study.without.clone(),
-            kept: self.prepared.study.kept.clone(),
-        };
-        let again = prepare(
-            model,
-            look.observations,
-            self.fit_runs,
-            &look.masked,
-            &means,
-        );
-        let cleaned = again.is_ok();
-        match again {
-            Ok(prepared) => {
-                self.prepared = prepared;
-                self.masked = look.masked;
-                let null = self.prepared.null.clone();
-                (self.disagreement, self.residuals) = self.locate(&null, names);
-            }
-            // Too little is left without it.
-            Err(e) => {
-                for fault in &mut faults {
-                    fault.detail += &format!("; yet it stays in all fits, since without it {e}");
-                }
-            }
-        }
-        self.faults.extend(faults);
-        cleaned
     }
 }

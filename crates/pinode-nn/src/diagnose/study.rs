@@ -333,7 +333,7 @@ impl Study {
     }
 
     /// The same with these windows alone, none held out, and a fitted model that starts from `states` there.
-    fn over(
+    pub fn over(
         &self,
         fitted: &Fitted,
         windows: Vec<Window>,

@@ -23,11 +23,11 @@ const MODEL: &str = "name = \"wagons\"\n\
      [sensor.front]\nposition_noise = 5e-4\nvelocity = \"none\"\n\
      [sensor.rear]\nposition_noise = 5e-4\nvelocity = \"none\"\n";
 
-/// 60 s at 50 Hz of an engine that pulls a wagon.
+/// 30 s at 50 Hz of an engine that pulls a wagon.
 fn log() -> Log {
     let mut noise = ChaCha8Rng::seed_from_u64(3);
     let mut noise = || -> f64 { StandardNormal.sample(&mut noise) };
-    let t: Vec<f64> = (0..3000).map(|k| 0.02 * f64::from(k)).collect();
+    let t: Vec<f64> = (0..1500).map(|k| 0.02 * f64::from(k)).collect();
     let u: Vec<f64> = t.iter().map(|&t| 6.0 * torque(t)).collect();
     let mut x = [0.0; 4];
     let (mut front, mut rear) = (Vec::new(), Vec::new());
@@ -71,12 +71,8 @@ fn log() -> Log {
 #[test]
 fn a_force_between_two_bodies_is_said_to_follow_the_one_from_the_other() {
     let found = diagnosed(&parsed(MODEL), log());
-    let words: Vec<&str> = found
-        .disagreement
-        .iter()
-        .map(|d| d.r#where.as_str())
-        .collect();
-    let from = "position of rear from front";
-    assert!(words.iter().all(|words| words.contains(from)), "{words:?}");
+    let worst = &found.disagreement[0];
+    let from = "follows the position of rear from front";
+    assert!(worst.r#where.starts_with(from), "{worst:?}");
     assert!(found.unexplained.is_some(), "{found:?}");
 }

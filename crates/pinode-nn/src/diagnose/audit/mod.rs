@@ -31,6 +31,7 @@ pub use noise::{Readings, median, noise};
 pub use rates::scale_of_time;
 pub use second_look::second_look;
 use slips::{Slip, Slipped};
+pub use unlogged_force::{UNLOGGED_FORCE, is_explained};
 
 /// So many intervals of a fault are listed.
 const MOST_LISTED: usize = 100;
@@ -337,7 +338,7 @@ pub fn contradicts(fault: &DataFault) -> bool {
         CONVENTION,
         "dead_start",
         "blind_zone",
-        "unlogged_force",
+        UNLOGGED_FORCE,
         "stuck",
         "slip",
     ]

@@ -3,9 +3,11 @@
 //! They show in one stretch of time, or two, while the same positions, velocities and inputs at other times do without them.
 
 use super::super::curves::ResidualForce;
-use super::super::study::Study;
+use super::super::study::{Fitted, Start, Study};
 use super::super::verdict::DataFault;
+use super::Masked;
 use super::second_look::{Look, Residual, Residuals, quantile, robust};
+use crate::shooting::Window;
 
 /// Windows whose residuals are so many times the noise, and so many times those of three windows in four, are disturbed …
 const DISTURBED: (f64, f64) = (5.0, 4.0);
@@ -17,6 +19,39 @@ const BURST: f64 = 1.5;
 /// This share of the states in a stretch occurs at other times as well.
 const KNOWN: f64 = 0.6;
 
+/// The kind of this fault.
+pub const UNLOGGED_FORCE: &str = "unlogged_force";
+/// Iterations of the initial states of windows that another model is asked for.
+const STATES_ALONE: usize = 8;
+
+/// Whether another model explains all that is masked in the windows of `study`: then nobody pushed there.
+pub fn is_explained(study: &Study, model: &Fitted, masked: &Masked) -> bool {
+    let all = study.windows.fit.iter().chain(&study.windows.held_out);
+    let kept = masked.leave(all.clone().copied().collect(), &study.observations);
+    let pushed: Vec<Window> = all.filter(|w| !kept.contains(w)).copied().collect();
+    let theta = &model.inside.theta;
+    let states = study.starts(&model.hybrid, theta, &pushed, None);
+    let (study, there) = study.over(model, pushed, states);
+    let start = Start {
+        hidden: Vec::new(),
+        ..there.start(theta.clone())
+    };
+    let there = study.fit(model.hybrid.clone(), start, STATES_ALONE, 0);
+    let sizes = Residuals::of(&study, &there).sizes;
+    !sizes.is_empty() && sizes.iter().all(|lists| size(lists) < DISTURBED.0)
+}
+
+/// The size of the residuals of a window, robustly; infinite where the model diverges.
+fn size(lists: &Option<Vec<Vec<Residual>>>) -> f64 {
+    match lists {
+        Some(lists) => lists
+            .iter()
+            .map(|list| robust(list.iter().map(|x| x.size)))
+            .fold(0.0, f64::max),
+        None => f64::INFINITY,
+    }
+}
+
 /// Adds the stretches in which something pushed that is not logged to `look`.
 pub fn unlogged_forces(
     study: &Study,
@@ -24,13 +59,6 @@ pub fn unlogged_forces(
     force: &[ResidualForce],
     look: &mut Look,
 ) {
-    let size = |lists: &Option<Vec<Vec<Residual>>>| match lists {
-        Some(lists) => lists
-            .iter()
-            .map(|list| robust(list.iter().map(|x| x.size)))
-            .fold(0.0, f64::max),
-        None => f64::INFINITY,
-    };
     let sizes: Vec<f64> = residuals.sizes.iter().map(size).collect();
     let limit = DISTURBED.0.max(DISTURBED.1 * quantile(sizes.clone(), 0.75));
     let observations = &study.observations;
@@ -73,7 +101,7 @@ pub fn unlogged_forces(
         let force = &force[burst.place];
         look.masked.add(burst.run, burst.when);
         look.faults.push(DataFault {
-            kind: "unlogged_force".into(),
+            kind: UNLOGGED_FORCE.into(),
             column: format!("q.{}", force.coordinate),
             when: vec![burst.when],
             detail: format!(
@@ -186,5 +214,24 @@ impl Burst {
             .filter(|a| outside.iter().any(|b| is_near(a, b)))
             .count();
         known as f64 >= KNOWN * inside.len().max(1) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::pushes::tests::prepared_with;
+    use crate::diagnose::setup::Prepared;
+
+    #[test]
+    fn what_is_masked_is_explained_by_the_right_model_and_by_no_other() {
+        for (damping, right) in [(0.0, true), (1.0, false)] {
+            let (_dir, Prepared { study, null, .. }) = prepared_with(0.0, damping);
+            let mut masked = Masked::none(1);
+            assert!(!is_explained(&study, &null, &masked), "nothing is masked");
+            masked.add(0, [20.0, 21.0]);
+            masked.add(0, [55.0, 55.5]);
+            assert_eq!(is_explained(&study, &null, &masked), right, "{damping}");
+        }
     }
 }

@@ -1,0 +1,151 @@
+//! The model as given, fitted to data of which what is faulty is left out.
+
+use super::Means;
+use super::audit::{self, Audited, Masked, second_look};
+use super::curves::ResidualForce;
+use super::locate;
+use super::search::{self, Search};
+use super::setup::{Prepared, prepare};
+use super::study::Fitted;
+use super::verdict::{DataFault, Disagreement};
+use crate::Error;
+use crate::model::Model;
+
+/// The null model on data without their faults.
+pub struct Cleaned {
+    pub prepared: Prepared,
+    fit_runs: usize,
+    pub faults: Vec<DataFault>,
+    pub masked: Masked,
+    pub disagreement: Vec<Disagreement>,
+    pub residuals: Vec<ResidualForce>,
+    /// All this before stretches were left out in which something seemed to push.
+    before: Option<Box<Cleaned>>,
+}
+
+impl Cleaned {
+    /// Fits the model as given, and once more where its residuals show a fault of the data.
+    pub fn new(
+        model: &Model,
+        audited: Audited,
+        fit_runs: usize,
+        report: &dyn Fn(&str),
+        means: &Means,
+    ) -> Result<Self, Error> {
+        let Audited {
+            observations,
+            faults,
+            masked,
+            ..
+        } = audited;
+        let prepared = prepare(model, observations, fit_runs, &masked, means)?;
+        let mut cleaned = Cleaned {
+            prepared,
+            fit_runs,
+            faults,
+            masked,
+            disagreement: Vec::new(),
+            residuals: Vec::new(),
+            before: None,
+        };
+        let names: Vec<String> = model.inputs.iter().map(|i| i.name.clone()).collect();
+        report("locating the disagreement");
+        let null = cleaned.prepared.null.clone();
+        (cleaned.disagreement, cleaned.residuals) = cleaned.locate(&null, &names);
+        let residuals = cleaned.residuals.clone();
+        cleaned.look(model, &null, &residuals, &names, report);
+        Ok(cleaned)
+    }
+
+    fn locate(&self, fitted: &Fitted, names: &[String]) -> (Vec<Disagreement>, Vec<ResidualForce>) {
+        let Prepared {
+            study, smoothed, ..
+        } = &self.prepared;
+        let half_width = study.pace.half_width();
+        locate::locate(study, fitted, smoothed, half_width, names, &self.masked)
+    }
+
+    pub fn search(&self, seed: u64, report: &dyn Fn(&str)) -> Search {
+        let Prepared { study, null, .. } = &self.prepared;
+        let mut search = search::search(study, null.clone(), seed, report);
+        search.normalise();
+        search
+    }
+
+    /// Goes back to before stretches were left out in which something seemed to push, where what was found explains them. Whether it did.
+    pub fn takes_back(&mut self, search: &Search) -> bool {
+        let Some(before) = self.before.take() else {
+            return false;
+        };
+        let explained = audit::is_explained(&before.prepared.study, &search.model, &self.masked);
+        if explained {
+            *self = *before;
+        }
+        explained
+    }
+
+    /// Looks at the residuals of what was found. Whether a fault of the data was seen.
+    pub fn look_again(
+        &mut self,
+        model: &Model,
+        search: &Search,
+        names: &[String],
+        report: &dyn Fn(&str),
+    ) -> bool {
+        let (_, residuals) = self.locate(&search.model, names);
+        self.look(model, &search.model, &residuals, names, report)
+    }
+
+    /// Masks what the residuals of a fitted model show to be faulty and fits the model as given anew. Whether there was such a fault.
+    fn look(
+        &mut self,
+        model: &Model,
+        fitted: &Fitted,
+        residuals: &[ResidualForce],
+        names: &[String],
+        report: &dyn Fn(&str),
+    ) -> bool {
+        let Some(look) = second_look(&self.prepared.study, fitted, residuals, &self.masked) else {
+            return false;
+        };
+        report("fitting the model as given without what is faulty in the data");
+        let mut faults = look.faults;
+        let means = Means {
+            without: self.prepared.study.without.clone(),
+            kept: self.prepared.study.kept.clone(),
+        };
+        let again = prepare(
+            model,
+            look.observations,
+            self.fit_runs,
+            &look.masked,
+            &means,
+        );
+        let cleaned = again.is_ok();
+        match again {
+            Ok(prepared) => {
+                let pushed = faults.iter().any(|f| f.kind == audit::UNLOGGED_FORCE);
+                let before = Cleaned {
+                    prepared: std::mem::replace(&mut self.prepared, prepared),
+                    masked: std::mem::replace(&mut self.masked, look.masked),
+                    faults: self.faults.clone(),
+                    disagreement: self.disagreement.clone(),
+                    residuals: self.residuals.clone(),
+                    fit_runs: self.fit_runs,
+                    before: None,
+                };
+                self.before = pushed.then(|| Box::new(before));
+                let null = self.prepared.null.clone();
+                (self.disagreement, self.residuals) = self.locate(&null, names);
+            }
+            // Too little is left without it.
+            Err(e) => {
+                for fault in &mut faults {
+                    fault.detail += &format!("; yet it stays in all fits, since without it {e}");
+                }
+            }
+        }
+        self.faults.extend(faults);
+        cleaned
+    }
+}
