@@ -48,21 +48,27 @@ impl Cleaned {
             residuals: Vec::new(),
             before: None,
         };
-        let names: Vec<String> = model.inputs.iter().map(|i| i.name.clone()).collect();
         report("locating the disagreement");
         let null = cleaned.prepared.null.clone();
-        (cleaned.disagreement, cleaned.residuals) = cleaned.locate(&null, &names);
-        let residuals = cleaned.residuals.clone();
-        cleaned.look(model, &null, &residuals, &names, report);
+        if !cleaned.is_quieter(model, &null, report) {
+            cleaned.locate_null(model);
+        }
+        let (null, residuals) = (cleaned.prepared.null.clone(), cleaned.residuals.clone());
+        cleaned.look(model, &null, &residuals, report);
         Ok(cleaned)
     }
 
-    fn locate(&self, fitted: &Fitted, names: &[String]) -> (Vec<Disagreement>, Vec<ResidualForce>) {
+    fn locate_null(&mut self, model: &Model) {
+        (self.disagreement, self.residuals) = self.locate(model, &self.prepared.null);
+    }
+
+    fn locate(&self, model: &Model, fitted: &Fitted) -> (Vec<Disagreement>, Vec<ResidualForce>) {
+        let names: Vec<String> = model.inputs.iter().map(|i| i.name.clone()).collect();
         let Prepared {
             study, smoothed, ..
         } = &self.prepared;
         let half_width = study.pace.half_width();
-        locate::locate(study, fitted, smoothed, half_width, names, &self.masked)
+        locate::locate(study, fitted, smoothed, half_width, &names, &self.masked)
     }
 
     pub fn search(&self, seed: u64, report: &dyn Fn(&str)) -> Search {
@@ -84,16 +90,33 @@ impl Cleaned {
         explained
     }
 
+    /// Takes what a fitted model leaves for the noise of sensors that seemed to scatter far more, and fits the model as given anew. Whether it did.
+    pub fn is_quieter(&mut self, model: &Model, fitted: &Fitted, report: &dyn Fn(&str)) -> bool {
+        let Some(observations) = audit::overstated(model, &self.prepared.study, fitted) else {
+            return false;
+        };
+        report("fitting the model as given beside less noise than the readings seemed to have");
+        let means = self.means();
+        let prepared = prepare(model, observations, self.fit_runs, &self.masked, &means);
+        let quieter = prepared.is_ok();
+        if let Ok(prepared) = prepared {
+            self.prepared = prepared;
+            self.locate_null(model);
+        }
+        quieter
+    }
+
+    fn means(&self) -> Means {
+        Means {
+            without: self.prepared.study.without.clone(),
+            kept: self.prepared.study.kept.clone(),
+        }
+    }
+
     /// Looks at the residuals of what was found. Whether a fault of the data was seen.
-    pub fn look_again(
-        &mut self,
-        model: &Model,
-        search: &Search,
-        names: &[String],
-        report: &dyn Fn(&str),
-    ) -> bool {
-        let (_, residuals) = self.locate(&search.model, names);
-        self.look(model, &search.model, &residuals, names, report)
+    pub fn look_again(&mut self, model: &Model, search: &Search, report: &dyn Fn(&str)) -> bool {
+        let (_, residuals) = self.locate(model, &search.model);
+        self.look(model, &search.model, &residuals, report)
     }
 
     /// Masks what the residuals of a fitted model show to be faulty and fits the model as given anew. Whether there was such a fault.
@@ -102,7 +125,6 @@ impl Cleaned {
         model: &Model,
         fitted: &Fitted,
         residuals: &[ResidualForce],
-        names: &[String],
         report: &dyn Fn(&str),
     ) -> bool {
         let Some(look) = second_look(&self.prepared.study, fitted, residuals, &self.masked) else {
@@ -110,10 +132,7 @@ impl Cleaned {
         };
         report("fitting the model as given without what is faulty in the data");
         let mut faults = look.faults;
-        let means = Means {
-            without: self.prepared.study.without.clone(),
-            kept: self.prepared.study.kept.clone(),
-        };
+        let means = self.means();
         let again = prepare(
             model,
             look.observations,
@@ -135,8 +154,7 @@ impl Cleaned {
                     before: None,
                 };
                 self.before = pushed.then(|| Box::new(before));
-                let null = self.prepared.null.clone();
-                (self.disagreement, self.residuals) = self.locate(&null, names);
+                self.locate_null(model);
             }
             // Too little is left without it.
             Err(e) => {

@@ -91,6 +91,9 @@ pub const HORIZON_S: f64 = 0.6;
 /// Length of the stretch before a free run that its initial state is fitted to, s at the usual pace.
 pub const LEAD_S: f64 = 0.3;
 
+/// So many times less noise is taken than readings seemed to have.
+const QUIETER: usize = 2;
+
 /// What this is called in errors.
 pub(crate) const WORK: &str = "a diagnosis";
 
@@ -197,8 +200,15 @@ pub(crate) fn diagnose_into(
     }
     // What a wrong model hides among its own errors may show beside the found one.
     if misfit::is_unexplained(&cleaned.prepared.study, &search.model)
-        && cleaned.look_again(model, &search, &names, report)
+        && cleaned.look_again(model, &search, report)
     {
+        search = cleaned.search(seed, report);
+    }
+    // What a right model leaves is the noise, however much the readings seemed to scatter.
+    for _ in 0..QUIETER {
+        if !cleaned.is_quieter(model, &search.model, report) {
+            break;
+        }
         search = cleaned.search(seed, report);
     }
     let Cleaned {
