@@ -46,10 +46,12 @@ use extra::{Extra, Variants};
 
 /// Friction with a faster rate about rest than this, 1/s at the usual pace, is stepped implicitly: explicit steps would have to be shorter than a millisecond.
 const STIFF: f64 = 2.5e3;
-/// The velocity over which friction changes its sign is no more than this part of the speed of what is slow.
-const OF_SPEED: f64 = 0.1;
 /// Fits sharpen friction up to this part of it, so that what they move does not take it beyond.
 const CLOSE_TO_STIFF: f64 = 0.8;
+/// The velocity over which friction changes its sign is no more than this part of the speed of what is slow, and no less than this part of the usual one: what is
+/// nearly always at rest has no speed.
+const OF_SPEED: f64 = 0.1;
+const LEAST_SLOW: f64 = 1e-3;
 /// Implicit steps follow friction whose change of sign is spread over so many times less: on what is light and is often held, creeping shows most.
 const SHARPER: f64 = 0.1;
 
@@ -241,7 +243,7 @@ impl Hybrid {
         for (c, &speed) in speeds.iter().enumerate() {
             let usual = hybrid.default_smoothing(c);
             if let Some(slow) = hybrid.slow.get_mut(c) {
-                *slow = (OF_SPEED * speed / usual).min(1.0);
+                *slow = (OF_SPEED * speed / usual).clamp(LEAST_SLOW, 1.0);
             }
         }
         let law = |input: &Input| match input.pushes {
