@@ -32,6 +32,10 @@ const MOVES: f64 = 10.0;
 const CROSSED: f64 = 0.2;
 /// Fast are the samples beyond this share.
 const FAST: f64 = 0.95;
+/// Rare are those beyond this: an input that steps does not do so often.
+const RARE: f64 = 0.995;
+/// What means of an input may be off by, in units of the noise.
+const OF_NOISE: f64 = 1.0 / 3.0;
 /// No motion is slower, Hz.
 const SLOWEST: f64 = 1e-9;
 
@@ -44,6 +48,8 @@ pub struct Pace {
     frequency: f64,
     /// Speed of each coordinate that is exceeded in one sample of twenty; infinite where it is at rest.
     speeds: Vec<f64>,
+    /// Means of inputs over so many seconds do what the inputs do, but for a part of the noise.
+    means: f64,
 }
 
 impl Pace {
@@ -57,7 +63,10 @@ impl Pace {
         durations.sort_by(f64::total_cmp);
         let typical = durations.get(durations.len() / 2).copied().unwrap_or(0.0);
         let rate = |signals: &[Vec<f64>]| 0.5 * crossings(signals) as f64 / time;
+        let jumps = (0..runs.first().map_or(0, |run| run.u.len())).map(|i| jump(runs, i));
+        let jump = jumps.fold(0.0, f64::max);
         let (mut frequency, mut all, mut speeds) = (SLOWEST, SLOWEST, Vec::new());
+        let mut means = f64::INFINITY;
         let positions = observations.channels.iter().enumerate();
         for (c, channel) in positions.filter(|(_, channel)| !channel.velocity) {
             let of = |run: &ObservedRun| match channel.wraps {
@@ -69,7 +78,11 @@ impl Pace {
             speeds.push(f64::INFINITY);
             if moves {
                 let (ways, span) = ways(&y, channel.noise);
-                speeds[c] = usual_size(&ways, FAST) / (span as f64 * interval);
+                let over = span as f64 * interval;
+                speeds[c] = usual_size(&ways, FAST) / over;
+                let bends: Vec<Vec<f64>> = ways.iter().map(|ways| after(ways, span)).collect();
+                let acceleration = usual_size(&bends, FAST) / over.powi(2);
+                means = means.min((8.0 * OF_NOISE * channel.noise / (jump * acceleration)).sqrt());
                 frequency = frequency.max(rate(&y));
                 all = all.max(rate(&ways));
             }
@@ -94,6 +107,7 @@ impl Pace {
             times: window / WINDOW_S,
             frequency,
             speeds,
+            means,
         }
     }
 
@@ -128,10 +142,11 @@ impl Pace {
         self.times.max(1.0) * usual
     }
 
-    /// Samples that are closer than this, s, cost time and say little more.
+    /// Samples that are closer than this, s, cost time and say little more. Those that are kept have the mean of the input between them, held: where it jumps by Δu
+    /// within the time h, that is off by up to Δa h²/8.
     pub fn closest_samples(&self) -> f64 {
         let enough = 1.0 / (SAMPLES_PER_PERIOD * self.frequency);
-        self.coarsest_step(false).min(enough)
+        self.coarsest_step(false).min(enough).min(self.means)
     }
 }
 
@@ -153,6 +168,22 @@ fn duration(run: &ObservedRun) -> f64 {
     }
 }
 
+/// The jumps of an input from sample to sample that few exceed, in parts of its standard deviation; 1 at most.
+fn jump(runs: &[ObservedRun], input: usize) -> f64 {
+    let of_input = || runs.iter().flat_map(|run| &run.u[input]);
+    let count = of_input().count().max(1) as f64;
+    let mean = of_input().sum::<f64>() / count;
+    let deviation = (of_input().map(|u| (u - mean).powi(2)).sum::<f64>() / count).sqrt();
+    let jumps: Vec<Vec<f64>> = runs.iter().map(|run| after(&run.u[input], 1)).collect();
+    (usual_size(&jumps, RARE) / deviation.max(f64::MIN_POSITIVE)).min(1.0)
+}
+
+/// By how much a signal is another one so many samples later.
+fn after(signal: &[f64], span: usize) -> Vec<f64> {
+    let pairs = signal.iter().zip(signal.iter().skip(span));
+    pairs.map(|(a, b)| b - a).collect()
+}
+
 /// The size that this share of a signal does not exceed.
 fn usual_size(signal: &[Vec<f64>], share: f64) -> f64 {
     let mut sizes: Vec<f64> = signal.iter().flatten().map(|x| x.abs()).collect();
@@ -166,11 +197,7 @@ fn ways(y: &[Vec<f64>], noise: f64) -> (Vec<Vec<f64>>, usize) {
     let longest = y.iter().map(Vec::len).max().unwrap_or(0) / 8;
     let mut span = 1;
     loop {
-        let of = |y: &Vec<f64>| -> Vec<f64> {
-            let pairs = y.iter().zip(y.iter().skip(span));
-            pairs.map(|(a, b)| b - a).collect()
-        };
-        let ways: Vec<Vec<f64>> = y.iter().map(of).collect();
+        let ways: Vec<Vec<f64>> = y.iter().map(|y| after(y, span)).collect();
         if usual_size(&ways, 0.5) > MOVES * noise || 2 * span > longest {
             return (ways, span);
         }
