@@ -87,9 +87,9 @@ fn nothing_is_found_in_an_exact_model_that_is_pushed_by_steps_within_a_few_milli
     let mut rng = ChaCha8Rng::seed_from_u64(11);
     let (mut x, mut u) = ([0.0, 0.0], 0.0);
     let mut run = log_of_swings(0, |_, _, u| u).runs.remove(0);
-    run.t = (0..6400).map(|k| interval * f64::from(k)).collect();
+    run.t = (0..9600).map(|k| interval * f64::from(k)).collect();
     (run.q, run.u) = (vec![Vec::new()], vec![Vec::new()]);
-    for k in 0..6400 {
+    for k in 0..9600 {
         if k % 107 == 0 {
             u = rng.random_range(-900.0..900.0);
         }
