@@ -259,7 +259,8 @@ pub fn elsewhere(elsewhere: &Elsewhere, name: &Name, hybrid: &Hybrid) -> String 
     };
     let value = |(value, error): (f64, f64)| format!("{}{unit}", uncertain(value, Some(error)));
     format!(
-        "{} on `{}` explains what the seen windows lack, with `{}` = {}, and the part held out contradicts it: there it is {}. Ask what was changed between them,          and diagnose each by itself.",
+        "{} on `{}` explains what the seen windows lack, with `{}` = {}, and the part held out contradicts it: there it is {}. Ask what was \
+         changed between them, and diagnose each by itself.",
         spoken(&name.kind),
         name.target,
         parameter.name,

@@ -50,7 +50,7 @@ impl Cleaned {
         };
         report("locating the disagreement");
         let null = cleaned.prepared.null.clone();
-        if !cleaned.is_quieter(model, &null, report) {
+        if !cleaned.takes_less_noise(model, &null, report) {
             cleaned.locate_null(model);
         }
         let (null, residuals) = (cleaned.prepared.null.clone(), cleaned.residuals.clone());
@@ -91,7 +91,12 @@ impl Cleaned {
     }
 
     /// Takes what a fitted model leaves for the noise of sensors that seemed to scatter far more, and fits the model as given anew. Whether it did.
-    pub fn is_quieter(&mut self, model: &Model, fitted: &Fitted, report: &dyn Fn(&str)) -> bool {
+    pub fn takes_less_noise(
+        &mut self,
+        model: &Model,
+        fitted: &Fitted,
+        report: &dyn Fn(&str),
+    ) -> bool {
         let Some(observations) = audit::overstated(model, &self.prepared.study, fitted) else {
             return false;
         };

@@ -114,7 +114,7 @@ pub struct Outcome {
 /// The same seed gives the same result, bit for bit, for any number of threads.
 ///
 /// # Errors
-/// [`Error::Floating`] when a coordinate is the pose of a floating body; [`Error::SameLog`] when a log is given twice; [`Error::OtherModel`] when one was read for another model; [`Error::TooShort`] when the logs hold too few windows; [`Error::TooCoarse`] when their samples are too far apart; [`Error::Unfittable`] when the model as given cannot be simulated over
+/// [`Error::Floating`] when a coordinate is the pose of a floating body; [`Error::SameLog`] when a log is given twice; [`Error::OtherModel`] when one was read for another model; [`Error::TooShort`] when the logs hold too few windows; [`Error::TooCoarse`] when their samples are too far apart for the length of the recordings; [`Error::Unfittable`] when the model as given cannot be simulated over
 /// them; what [`Model::write_revision`] and [`Model::load`] return.
 pub fn diagnose(
     model: &Model,
@@ -206,7 +206,7 @@ pub(crate) fn diagnose_into(
     }
     // What a right model leaves is the noise, however much the readings seemed to scatter.
     for _ in 0..QUIETER {
-        if !cleaned.is_quieter(model, &search.model, report) {
+        if !cleaned.takes_less_noise(model, &search.model, report) {
             break;
         }
         search = cleaned.search(seed, report);

@@ -63,9 +63,13 @@ impl Pace {
         durations.sort_by(f64::total_cmp);
         let typical = durations.get(durations.len() / 2).copied().unwrap_or(0.0);
         let rate = |signals: &[Vec<f64>]| 0.5 * crossings(signals) as f64 / time;
-        let jumps = (0..runs.first().map_or(0, |run| run.u.len())).map(|i| jump(runs, i));
-        let jump = jumps.fold(0.0, f64::max);
         let (mut frequency, mut all, mut speeds) = (SLOWEST, SLOWEST, Vec::new());
+        let mut jump = 0.0_f64;
+        for i in 0..runs.first().map_or(0, |run| run.u.len()) {
+            let input: Vec<Vec<f64>> = runs.iter().map(|run| run.u[i].clone()).collect();
+            all = all.max(rate(&input));
+            jump = jump.max(jumps(&input));
+        }
         let mut means = f64::INFINITY;
         let positions = observations.channels.iter().enumerate();
         for (c, channel) in positions.filter(|(_, channel)| !channel.velocity) {
@@ -86,10 +90,6 @@ impl Pace {
                 frequency = frequency.max(rate(&y));
                 all = all.max(rate(&ways));
             }
-        }
-        for i in 0..runs.first().map_or(0, |run| run.u.len()) {
-            let of_input: Vec<Vec<f64>> = runs.iter().map(|run| run.u[i].clone()).collect();
-            all = all.max(rate(&of_input));
         }
         let [half, longest] = [PERIODS.0, PERIODS.1].map(|periods| periods / frequency);
         let coarse = (INTERVALS * interval).min(longest);
@@ -169,12 +169,12 @@ fn duration(run: &ObservedRun) -> f64 {
 }
 
 /// The jumps of an input from sample to sample that few exceed, in parts of its standard deviation; 1 at most.
-fn jump(runs: &[ObservedRun], input: usize) -> f64 {
-    let of_input = || runs.iter().flat_map(|run| &run.u[input]);
-    let count = of_input().count().max(1) as f64;
-    let mean = of_input().sum::<f64>() / count;
-    let deviation = (of_input().map(|u| (u - mean).powi(2)).sum::<f64>() / count).sqrt();
-    let jumps: Vec<Vec<f64>> = runs.iter().map(|run| after(&run.u[input], 1)).collect();
+fn jumps(input: &[Vec<f64>]) -> f64 {
+    let all = || input.iter().flatten();
+    let count = all().count().max(1) as f64;
+    let mean = all().sum::<f64>() / count;
+    let deviation = (all().map(|u| (u - mean).powi(2)).sum::<f64>() / count).sqrt();
+    let jumps: Vec<Vec<f64>> = input.iter().map(|of_run| after(of_run, 1)).collect();
     (usual_size(&jumps, RARE) / deviation.max(f64::MIN_POSITIVE)).min(1.0)
 }
 

@@ -23,6 +23,7 @@ const FEWEST_INTERVALS: f64 = 3.0;
 pub const FEWEST_WINDOWS: usize = 8;
 /// More windows than this are not fitted, and a third as many not held out: those taken are spread evenly over the log.
 const MOST_WINDOWS: usize = 300;
+
 /// All that the search needs.
 pub struct Prepared {
     /// The data.

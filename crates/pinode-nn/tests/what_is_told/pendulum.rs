@@ -25,11 +25,16 @@ pub fn parsed(text: &str) -> Model {
 }
 
 pub fn text(fixed: bool) -> String {
+    text_of(INERTIA, VISCOUS, fixed)
+}
+
+/// The same with another inertia and viscous friction.
+pub fn text_of(inertia: f64, viscous: f64, fixed: bool) -> String {
     format!(
         "name = \"pendulum\"\n\
-         lagrangian = {{ coordinates = [\"phi\"], angles = [\"phi\"], kinetic = \"0.5*{INERTIA}*phi_dot^2\", potential = \"-{WEIGHT}*cos(phi)\" }}\n\
+         lagrangian = {{ coordinates = [\"phi\"], angles = [\"phi\"], kinetic = \"0.5*{inertia}*phi_dot^2\", potential = \"-{WEIGHT}*cos(phi)\" }}\n\
          [[input]]\nname = \"motor\"\njoint = \"phi\"\n\
-         [[effect]]\nkind = \"viscous_friction\"\njoint = \"phi\"\ncoefficient = {VISCOUS}\nfixed = {fixed}\n\
+         [[effect]]\nkind = \"viscous_friction\"\njoint = \"phi\"\ncoefficient = {viscous}\nfixed = {fixed}\n\
          [sensor.phi]\nposition_noise = {NOISE:e}\nvelocity = \"none\"\n"
     )
 }
