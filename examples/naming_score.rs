@@ -46,6 +46,9 @@ struct Cli {
     /// Length of each log, s [default: that of the rig, 60]
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     duration: Option<u32>,
+    /// Rows of the log a second, Hz [default: that of the rig, 50]
+    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(5..=10_000))]
+    rate: Option<u32>,
     /// Logs at once, each diagnosed on one thread [default: one per processor]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: Option<u16>,
@@ -110,6 +113,7 @@ fn score(cli: &Cli) -> Result<(), Box<dyn Error>> {
                 noise,
                 seed: cli.first_seed.wrapping_add(k),
                 duration: cli.duration,
+                rate: cli.rate,
             })
         })
         .collect();

@@ -17,6 +17,7 @@ fn case(set: Set, seed: u64) -> Case {
         noise: NoiseLevel::Low,
         seed,
         duration: Some(12),
+        rate: None,
     }
 }
 
@@ -107,6 +108,28 @@ fn a_set_that_a_rig_has_not_is_refused_by_name() {
     let error = run(&arm, &models(), dir.path(), false).unwrap_err();
     assert!(matches!(error, Error::NoSuchSet { .. }));
     assert!(error.to_string().contains("`arm` has no set `dirty`"));
+}
+
+#[test]
+fn the_cartpole_logs_at_the_rate_that_is_asked_for_and_other_rigs_say_that_they_cannot() {
+    let fast = Case {
+        duration: Some(2),
+        rate: Some(250),
+        ..case(Set::One, 1001)
+    };
+    let dir = tempfile::tempdir().unwrap();
+    let line = run(&fast, &models(), dir.path(), false).unwrap();
+    assert_eq!(line.id, "cartpole/one/low/1001/basic/2s/250Hz");
+    assert!(tables(std::slice::from_ref(&line)).contains("| cartpole | one | low, 250 Hz | 1 |"));
+    let rows = std::fs::read_to_string(dir.path().join("log.csv")).unwrap();
+    assert_eq!(rows.lines().count(), 1 + 2 * 250);
+
+    let furuta = Case {
+        rig: Rig::Furuta,
+        ..fast
+    };
+    let error = run(&furuta, &models(), dir.path(), false).unwrap_err();
+    assert!(matches!(error, Error::OneRate { rig: "furuta" }));
 }
 
 /// The one that is named, and what is hidden; without a `duration` the log has the usual one.

@@ -115,6 +115,8 @@ pub struct Case {
     pub seed: u64,
     /// Length of the log, s; none for the usual one.
     pub duration: Option<u32>,
+    /// Rows a second, Hz; none for the usual number.
+    pub rate: Option<u32>,
 }
 
 /// What the bench has of a case before the diagnosis.
@@ -145,7 +147,8 @@ const FRESH_DURATION: f64 = 20.0;
 const JOINTS_DURATION: f64 = 60.0;
 
 impl Case {
-    /// `cartpole/one/realistic/1007`, with `/basic` where not all kinds are drawn from and `/20s` where the length is another.
+    /// `cartpole/one/realistic/1007`, with `/basic` where not all kinds are drawn from, `/20s` where the length is another and `/1000Hz`
+    /// where the rate is.
     pub fn id(&self) -> String {
         let noise = match self.noise {
             NoiseLevel::Low => "low",
@@ -158,7 +161,8 @@ impl Case {
         };
         let (rig, set) = (self.rig.name(), self.set.name());
         let length = self.duration.map_or(String::new(), |s| format!("/{s}s"));
-        format!("{rig}/{set}/{noise}/{}{kinds}{length}", self.seed)
+        let rate = self.rate.map_or(String::new(), |hz| format!("/{hz}Hz"));
+        format!("{rig}/{set}/{noise}/{}{kinds}{length}{rate}", self.seed)
     }
 
     /// What is hidden, and the factor on its size.
@@ -231,6 +235,9 @@ impl Case {
     pub(super) fn prepare(&self, models: &Path, dir: &Path) -> Result<Prepared, Error> {
         match self.rig {
             Rig::Cartpole => self.prepare_cartpole(&models.join("cartpole"), dir),
+            _ if self.rate.is_some() => Err(Error::OneRate {
+                rig: self.rig.name(),
+            }),
             Rig::Furuta => self.prepare_joints(&Bench::furuta(models)?, dir),
             Rig::Arm => self.prepare_joints(&Bench::arm(models)?, dir),
         }
@@ -286,6 +293,9 @@ impl Case {
         config.noise = self.noise;
         if let Some(duration) = self.duration {
             config.duration = f64::from(duration);
+        }
+        if let Some(rate) = self.rate {
+            config.rate = f64::from(rate);
         }
         let (scene, size) = self.scene(&config);
         let (log, fresh) = (dir.join("log.csv"), dir.join("fresh.csv"));

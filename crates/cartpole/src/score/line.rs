@@ -23,6 +23,9 @@ pub struct Line {
     pub seed: u64,
     /// Length of the log, s.
     pub duration: f64,
+    /// Rows a second, Hz, where they are not the rig's usual number.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate: Option<u32>,
     /// What was hidden, the main effect first.
     pub hidden: Vec<Truth>,
     /// Factor on the sizes of what was drawn.

@@ -44,6 +44,12 @@ pub enum Error {
         /// The rig.
         rig: &'static str,
     },
+    /// A rate for a rig that has one.
+    #[error("the rig `{rig}` logs at 50 Hz only: leave `--rate` out; `cartpole` has it")]
+    OneRate {
+        /// The rig.
+        rig: &'static str,
+    },
     /// A file.
     #[error("{}: {source}", path.display())]
     Io {
@@ -97,6 +103,7 @@ pub fn run(case: &Case, models: &Path, dir: &Path, alone: bool) -> Result<Line, 
         noise: case.noise,
         seed: case.seed,
         duration: prepared.duration,
+        rate: case.rate,
         hidden: prepared.hidden.clone(),
         size: prepared.size,
         verdict: "error".into(),

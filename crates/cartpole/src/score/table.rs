@@ -38,6 +38,13 @@ fn noise_name(noise: NoiseLevel) -> &'static str {
     }
 }
 
+/// `low`, or `low, 1000 Hz` where the rate is not the usual one.
+fn conditions(line: &Line) -> String {
+    let noise = noise_name(line.noise);
+    line.rate
+        .map_or_else(|| noise.to_owned(), |rate| format!("{noise}, {rate} Hz"))
+}
+
 /// `0.95 (0.90–0.98)`, the share with its 95 % interval; `–` of none.
 fn share(hits: usize, of: usize) -> String {
     if of == 0 {
@@ -47,11 +54,11 @@ fn share(hits: usize, of: usize) -> String {
     format!("{:.3} ({low:.2}–{high:.2})", hits as f64 / of as f64)
 }
 
-/// Lines of one rig, set and noise together; the key keeps the order of the sets.
-fn groups(lines: &[Line]) -> BTreeMap<(Rig, Set, usize), Vec<&Line>> {
+/// Lines of one rig, set, noise and rate together; the key keeps the order of the sets.
+fn groups(lines: &[Line]) -> BTreeMap<(Rig, Set, usize, Option<u32>), Vec<&Line>> {
     let mut groups: BTreeMap<_, Vec<&Line>> = BTreeMap::new();
     for line in lines {
-        let key = (line.rig, line.set, line.noise as usize);
+        let key = (line.rig, line.set, line.noise as usize, line.rate);
         groups.entry(key).or_default().push(line);
     }
     groups
@@ -64,7 +71,7 @@ fn count(lines: &[&Line], holds: impl Fn(&Line) -> bool) -> usize {
 fn rates(lines: &[Line]) -> String {
     let mut text = String::from(
         "## Rates\n\n\
-         | rig | set | noise | logs | first name right | exact set | named nothing | names where nothing is hidden | wrong with > 0.9 | something left unexplained | s a log: median, p90 | MB |\n\
+         | rig | set | noise, rate | logs | first name right | exact set | named nothing | names where nothing is hidden | wrong with > 0.9 | something left unexplained | s a log: median, p90 | MB |\n\
          |---|---|---|---|---|---|---|---|---|---|---|---|\n",
     );
     for group in groups(lines).values() {
@@ -79,7 +86,7 @@ fn rates(lines: &[Line]) -> String {
             "| {} | {} | {} | {n} | {} | {} | {} | {} | {} | {} | {:.2}, {:.2} | {} |",
             first.rig.name(),
             first.set.name(),
-            noise_name(first.noise),
+            conditions(first),
             share(count(group, Line::first_is_right), hidden),
             share(
                 count(group, |l| !l.hidden.is_empty() && l.is_exact()),
@@ -354,7 +361,7 @@ fn free_runs(lines: &[Line]) -> String {
             "| {} | {} | {} | {} | {} | {} | {} | {} | {} |",
             first.rig.name(),
             first.set.name(),
-            noise_name(first.noise),
+            conditions(first),
             runs.len(),
             number(&before, 0.5),
             number(&after, 0.5),
@@ -396,6 +403,7 @@ mod tests {
             noise: NoiseLevel::Low,
             seed,
             duration: 60.0,
+            rate: None,
             hidden: vec![truth],
             size: 1.0,
             verdict: "effects_found".into(),
