@@ -28,15 +28,16 @@ impl ForceLaw for Stribeck {
         Some(self)
     }
 
+    /// Its force at rest is the larger one: friction that comes with speed is another.
     fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool {
-        is_stribeck([p[0], p[1], p[2]], scales)
+        p[1] > p[0] && is_stribeck([p[0], p[1], p[2]], scales)
     }
 }
 
 /// The Stribeck velocity is among the speeds of the motion, down to this share of the large ones: below it a hump is made of how the sign is spread.
 const SLOWEST: f64 = 5e-3;
-/// Friction that has less than this share of its sliding force at rest holds nothing there.
-const HOLDS: f64 = 0.1;
+/// Friction that has less than this share of its sliding force at rest does not hold there. Bristles leave their static force uncertain.
+const HOLDS: f64 = 0.5;
 
 /// Whether sliding force, static force and Stribeck velocity are those of friction at rest and at speeds that the motion has.
 pub(super) fn is_stribeck([sliding, at_rest, velocity]: [f64; 3], scales: &Scales) -> bool {
