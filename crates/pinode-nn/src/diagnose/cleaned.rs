@@ -97,15 +97,17 @@ impl Cleaned {
         fitted: &Fitted,
         report: &dyn Fn(&str),
     ) -> bool {
-        let Some(observations) = audit::overstated(model, &self.prepared.study, fitted) else {
+        let Some(overstated) = audit::overstated(model, &self.prepared.study, fitted) else {
             return false;
         };
         report("fitting the model as given beside less noise than the readings seemed to have");
         let means = self.means();
+        let observations = overstated.observations.clone();
         let prepared = prepare(model, observations, self.fit_runs, &self.masked, &means);
         let quieter = prepared.is_ok();
         if let Ok(prepared) = prepared {
             self.prepared = prepared;
+            overstated.correct(&mut self.faults);
             self.locate_null(model);
         }
         quieter

@@ -27,6 +27,7 @@ mod experiment;
 mod found;
 mod gap;
 mod horizons;
+mod idle;
 pub(crate) mod kept;
 mod last_resort;
 mod linear;

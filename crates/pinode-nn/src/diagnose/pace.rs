@@ -3,6 +3,7 @@
 //! What takes a fraction of a second on a laboratory's cart-pole takes minutes on a ship and microseconds in a resonator. Times of this workflow are said for the
 //! one and are as many times as long, or as short, for the others.
 
+use super::idle;
 use super::smooth::unwrapped;
 use crate::shooting::{Observations, ObservedRun};
 
@@ -12,9 +13,10 @@ pub const WINDOW_S: f64 = 0.6;
 const PERIODS: (f64, f64) = (0.5, 5.0);
 /// … and so many of what is fastest in its velocities and inputs.
 const OF_PUSHES: f64 = 1.5;
-/// So many windows are many, and so many are few.
+/// So many windows are many, so many are few, and with fewer than the last there is no search.
 const MANY: f64 = 90.0;
 const FEW: f64 = 40.0;
+const TOO_FEW: f64 = 18.0;
 /// What is slow has windows of so many intervals between samples, and of a part of a recording.
 const INTERVALS: f64 = 6.0;
 const PART: f64 = 0.25;
@@ -50,16 +52,31 @@ pub struct Pace {
     speeds: Vec<f64>,
     /// Means of inputs over so many seconds do what the inputs do, but for a part of the noise.
     means: f64,
+    /// Whether nothing happens most of the time.
+    rests: bool,
 }
 
 impl Pace {
     /// The pace of what was observed. Windows are of [`WINDOW_S`]; of five periods where the motion is faster, or less where that leaves few of them; and where
-    /// nothing is as fast, neither a position nor a velocity nor an input, of up to half a period of the fastest position, as far as that leaves many.
+    /// nothing is as fast, neither a position nor a velocity nor an input, of up to half a period of the fastest position, as far as that leaves many. Where nothing
+    /// happens most of the time, it is the pace of the rest of it.
     pub fn of(observations: &Observations) -> Self {
+        let all = Self::over(observations, 1.0);
+        match idle::busy_share(observations, all.window()) {
+            None => all,
+            Some(share) => Pace {
+                rests: true,
+                ..Self::over(observations, share)
+            },
+        }
+    }
+
+    /// Of what happens in a share of the time.
+    fn over(observations: &Observations, share: f64) -> Self {
         let runs = &observations.runs;
         let interval = observations.typical_interval();
         let mut durations: Vec<f64> = runs.iter().map(duration).collect();
-        let time: f64 = durations.iter().sum();
+        let time: f64 = share * durations.iter().sum::<f64>();
         durations.sort_by(f64::total_cmp);
         let typical = durations.get(durations.len() / 2).copied().unwrap_or(0.0);
         let rate = |signals: &[Vec<f64>]| 0.5 * crossings(signals) as f64 / time;
@@ -93,13 +110,18 @@ impl Pace {
         }
         let [half, longest] = [PERIODS.0, PERIODS.1].map(|periods| periods / frequency);
         let coarse = (INTERVALS * interval).min(longest);
+        let short = |windows: f64| powers_of_two((time / windows).max(half).max(coarse));
         let window = if speeds.iter().all(|speed| speed.is_infinite()) {
             WINDOW_S
         } else if longest >= WINDOW_S {
             let slow = half.min(OF_PUSHES / all).min(time / MANY);
-            powers_of_two(slow.max(coarse).min(PART * typical)).max(WINDOW_S)
+            let slow = powers_of_two(slow.max(coarse).min(PART * typical)).max(WINDOW_S);
+            match time < TOO_FEW * slow {
+                true => short(TOO_FEW).min(slow),
+                false => slow,
+            }
         } else if time < FEW * longest {
-            powers_of_two((time / MANY).max(half).max(coarse)).min(longest)
+            short(MANY).min(longest)
         } else {
             longest
         };
@@ -108,7 +130,13 @@ impl Pace {
             frequency,
             speeds,
             means,
+            rests: false,
         }
+    }
+
+    /// Whether nothing happens most of the time: windows of that say nothing.
+    pub fn rests(&self) -> bool {
+        self.rests
     }
 
     /// What takes so many seconds at the usual pace.
@@ -271,7 +299,7 @@ mod tests {
 
     #[test]
     fn a_cart_poles_windows_are_the_usual_ones_and_a_resonators_are_of_five_periods() {
-        for (frequency, duration) in [(0.5, 60.0), (0.9, 60.0), (0.9, 600.0), (3.0, 8.0)] {
+        for (frequency, duration) in [(0.5, 60.0), (0.9, 60.0), (0.9, 600.0), (3.0, 12.0)] {
             let window = Pace::of(&swing(frequency, 0.02, duration)).window();
             assert_eq!(window, WINDOW_S, "{frequency} Hz over {duration} s");
         }
@@ -280,9 +308,29 @@ mod tests {
     }
 
     #[test]
-    fn few_windows_of_a_fast_motion_are_shorter() {
+    fn few_windows_are_shorter() {
         let window = Pace::of(&swing(60.0, 1e-3, 1.0)).window();
         assert!((0.5 / 60.0..1.0 / 40.0).contains(&window), "{window}");
+        for (frequency, interval, duration) in [(8.0, 2.5e-3, 5.0), (0.9, 0.02, 6.0)] {
+            let window = Pace::of(&swing(frequency, interval, duration)).window();
+            let windows = duration / window;
+            assert!((18.0..80.0).contains(&windows), "{frequency}: {windows}");
+        }
+    }
+
+    /// Swings of 1.5 s, begun every 60 s, have the pace of one that goes on and on.
+    #[test]
+    fn what_rests_between_pushes_has_the_pace_of_its_motion() {
+        let swings = swing(1.2, 0.01, 600.0);
+        let mut rests = swings.clone();
+        let run = &mut rests.runs[0];
+        for k in (0..run.t.len()).filter(|k| k % 6000 >= 150) {
+            run.u[0][k] = 0.0;
+            run.y[0][k] = 0.0;
+        }
+        let (swings, rests) = (Pace::of(&swings), Pace::of(&rests));
+        assert!(rests.rests() && !swings.rests());
+        assert_eq!(rests.window(), swings.window());
     }
 
     /// One of a thousand times the time, but its input changes as fast as ever.

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::Means;
 use super::audit::{Masked, excitation};
+use super::idle;
 use super::numerics::{is_coarse, sharp};
 use super::pace::Pace;
 use super::scales::scales;
@@ -60,12 +61,7 @@ pub fn prepare(
         true => observations,
         false => observations.thinned(pace.closest_samples()),
     };
-    let windows = Windows::cut(&observations, fit_runs, pace.window());
-    let taken = |windows, most| spread_over(masked.leave(windows, &observations), most);
-    let windows = Windows {
-        fit: taken(windows.fit, MOST_WINDOWS),
-        held_out: taken(windows.held_out, MOST_WINDOWS / 3),
-    };
+    let windows = cut(&observations, fit_runs, masked, &pace);
     let needed = (FEWEST_WINDOWS, FEWEST_WINDOWS / 2);
     if windows.fit.len() < needed.0 || windows.held_out.len() < needed.1 {
         return Err(Error::TooShort {
@@ -150,6 +146,25 @@ pub fn prepare(
         smoothed,
         excitation,
     })
+}
+
+/// The windows of what was observed. A log that rests most of the time has those in which something happens, the last quarter of which is held out, wherever in
+/// it that is; unless the recordings say which.
+fn cut(observations: &Observations, fit_runs: usize, masked: &Masked, pace: &Pace) -> Windows {
+    let mut windows = Windows::cut(observations, fit_runs, pace.window());
+    for part in [&mut windows.fit, &mut windows.held_out] {
+        *part = masked.leave(std::mem::take(part), observations);
+        if pace.rests() {
+            *part = idle::busy(observations, part);
+        }
+    }
+    if pace.rests() && Windows::are_split_in_time(observations.runs.len(), fit_runs) {
+        windows.hold_out_a_quarter();
+    }
+    Windows {
+        fit: spread_over(windows.fit, MOST_WINDOWS),
+        held_out: spread_over(windows.held_out, MOST_WINDOWS / 3),
+    }
 }
 
 /// At most `most` of the windows, evenly spread in pairs.

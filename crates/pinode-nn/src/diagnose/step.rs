@@ -43,6 +43,10 @@ const ALIKE: f64 = 0.02;
 const BEHIND: f64 = -1.0;
 /// Residuals of so many times the noise are no noise, whether they follow from anything or not.
 const LOUD: f64 = 1.5;
+/// What relieves tolerances is in doubt beside what gains in both parts by so many standard errors, relieves this share of it and has so many times the evidence.
+const GAINS: (f64, f64) = (1.5, 1.0);
+const PART_OF_RELIEF: f64 = 0.5;
+const FAR_MORE: f64 = 3.0;
 /// A gain that loses more than this share when the numerics are refined is numerical. One that grows was held back by them.
 const NUMERICAL: f64 = 0.3;
 
@@ -419,7 +423,10 @@ pub fn accept(
 /// The best contender that has a say, where one is acceptable and not numerical; in place of it a simpler one that does as well.
 pub fn leading(study: &Study, current: &Fitted, contenders: &mut [Contender]) -> Option<usize> {
     for k in 0..contenders.len() {
-        if contenders[k].is_acceptable() && contenders[k].is_sound(study, current) {
+        let is_in_doubt = contenders
+            .iter()
+            .any(|c| contenders[k].is_in_doubt_beside(c));
+        if contenders[k].is_acceptable() && !is_in_doubt && contenders[k].is_sound(study, current) {
             // One that is ahead of it on the seen windows and not behind on those held out.
             let leader = (0..k).find(|&j| {
                 let (ahead, own) = (&contenders[j], &contenders[k].fitted);
@@ -465,6 +472,18 @@ pub fn simpler(contenders: &[Contender], k: usize, best: usize) -> Option<usize>
 }
 
 impl Contender {
+    /// Whether it only relieves tolerances, and another does so as well and gains far more, though in too few windows to be believed.
+    fn is_in_doubt_beside(&self, other: &Contender) -> bool {
+        let (own, others) = (&self.comparison, &other.comparison);
+        let gains = others.inside.z > GAINS.0 && others.outside.z > GAINS.1;
+        !own.explains()
+            && self.standing == Standing::Usual
+            && other.is_sensible
+            && gains
+            && others.relief > PART_OF_RELIEF * own.relief
+            && others.total() > FAR_MORE * own.total()
+    }
+
     /// Whether all that it adds contains what another does.
     fn contains(&self, other: &Contender) -> bool {
         let pairs = || self.added.iter().zip(&other.added);

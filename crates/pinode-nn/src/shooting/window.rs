@@ -2,6 +2,9 @@
 
 use super::Observations;
 
+/// Of fewer recordings than this none is held out as a whole.
+const FEW_RECORDINGS: usize = 4;
+
 /// Consecutive samples of one recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Window {
@@ -28,14 +31,14 @@ impl Windows {
     pub fn cut(observations: &Observations, first_held_out: usize, duration: f64) -> Self {
         let runs = &observations.runs;
         let given = first_held_out < runs.len();
+        let split_time = Self::are_split_in_time(runs.len(), first_held_out);
         let split_runs = if given {
             first_held_out
-        } else if runs.len() >= 4 {
-            runs.len() - runs.len().div_ceil(4)
-        } else {
+        } else if split_time {
             runs.len()
+        } else {
+            runs.len() - runs.len().div_ceil(4)
         };
-        let split_time = !given && runs.len() < 4;
         let mut windows = Windows {
             fit: Vec::new(),
             held_out: Vec::new(),
@@ -57,6 +60,19 @@ impl Windows {
             }
         }
         windows
+    }
+
+    /// Whether each of so many recordings has a part that is held out.
+    pub fn are_split_in_time(runs: usize, first_held_out: usize) -> bool {
+        first_held_out >= runs && runs < FEW_RECORDINGS
+    }
+
+    /// Holds out the last of the windows that are fitted until a quarter of all are held out, where they are fewer.
+    pub fn hold_out_a_quarter(&mut self) {
+        let all = self.fit.len() + self.held_out.len();
+        let missing = all.div_ceil(4).saturating_sub(self.held_out.len());
+        let later = self.fit.split_off(self.fit.len() - missing);
+        self.held_out.splice(0..0, later);
     }
 }
 
@@ -135,6 +151,33 @@ mod tests {
         let windows = Windows::cut(&observations, 7, 0.6);
         assert!(windows.held_out.iter().all(|w| w.run == 7));
         assert_eq!(windows.fit.len(), 70);
+    }
+
+    #[test]
+    fn the_last_windows_are_held_out_where_fewer_than_a_quarter_are() {
+        let window = |k: usize| Window {
+            run: 0,
+            first: 30 * k,
+            count: 30,
+        };
+        let split = |fit: usize, all: usize| {
+            let mut windows = Windows {
+                fit: (0..fit).map(window).collect(),
+                held_out: (fit..all).map(window).collect(),
+            };
+            windows.hold_out_a_quarter();
+            assert_eq!(
+                windows.fit,
+                (0..windows.fit.len()).map(window).collect::<Vec<_>>()
+            );
+            let rest = (windows.fit.len()..all).map(window).collect::<Vec<_>>();
+            assert_eq!(windows.held_out, rest);
+            windows.fit.len()
+        };
+        assert_eq!(split(12, 15), 11);
+        assert_eq!(split(15, 15), 11);
+        assert_eq!(split(9, 15), 9, "more than a quarter stays");
+        assert_eq!(split(0, 0), 0);
     }
 
     #[test]

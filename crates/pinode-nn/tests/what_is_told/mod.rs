@@ -7,6 +7,7 @@ mod inertias;
 mod known;
 mod paces;
 mod pendulum;
+mod resting;
 mod sticking;
 
 use pinode_nn::diagnose::verdict::Verdict;

@@ -37,6 +37,8 @@ pub use unlogged_force::{UNLOGGED_FORCE, is_explained};
 
 /// So many intervals of a fault are listed.
 const MOST_LISTED: usize = 100;
+/// The kind of a fault of a sensor that is noisier than the model says.
+const NOISE: &str = "noise";
 /// Readings that scatter more than so many times the declared noise are believed, not the declaration.
 const MORE_THAN_DECLARED: f64 = 1.5;
 /// A step of the readings more than so many times the declared resolution is a fault.
@@ -136,13 +138,7 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
             })
             .collect();
         let sensor = &model.sensors[channel.coordinate];
-        let name = &coordinates[channel.coordinate].name;
-        let letter = if channel.velocity { "v" } else { "q" };
-        let column_name = format!("{letter}.{name}");
-        let unit = match channel.velocity {
-            false => coordinates[channel.coordinate].unit().to_owned(),
-            true => format!("{}/s", coordinates[channel.coordinate].unit()),
-        };
+        let (column_name, unit) = column_name(model, channel);
         let seen_step = (!channel.velocity)
             .then(|| noise::quantum(&smooth))
             .flatten();
@@ -317,6 +313,16 @@ fn of_sensor(
     noise.max(least * (at(19) - at(1)).max(1e-9))
 }
 
+/// The column of a log in which a channel is, and its unit.
+fn column_name(model: &Model, channel: &Channel) -> (String, String) {
+    let coordinate = &model.mechanics.coordinates()[channel.coordinate];
+    let (name, unit) = (&coordinate.name, coordinate.unit());
+    match channel.velocity {
+        false => (format!("q.{name}"), unit.to_owned()),
+        true => (format!("v.{name}"), format!("{unit}/s")),
+    }
+}
+
 /// Readings that scatter more than the model says.
 fn noise_fault(
     seen: f64,
@@ -325,7 +331,7 @@ fn noise_fault(
 ) -> Option<DataFault> {
     let declared = declared.filter(|declared| seen > MORE_THAN_DECLARED * declared)?;
     Some(DataFault {
-        kind: "noise".into(),
+        kind: NOISE.into(),
         column: column.to_owned(),
         when: Vec::new(),
         detail: format!(
