@@ -49,7 +49,7 @@ fn range<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     #![allow(clippy::unwrap_used)]
 
     use super::*;
@@ -60,6 +60,15 @@ mod tests {
         let t: Vec<f64> = (0..1000).map(|k| 0.1 * f64::from(k)).collect();
         let moved = |t: &f64| (t - 20.0).clamp(0.0, 2.0);
         let pushed = |t: &f64| f64::from((20.0..21.0).contains(t));
+        let (y, u) = (
+            t.iter().map(moved).collect(),
+            t.iter().map(pushed).collect(),
+        );
+        of_one_position(t, y, u)
+    }
+
+    /// A recording of a position, by a sensor of 1 mm, and an input.
+    pub fn of_one_position(t: Vec<f64>, y: Vec<f64>, u: Vec<f64>) -> Observations {
         Observations {
             channels: vec![Channel {
                 coordinate: 0,
@@ -68,8 +77,8 @@ mod tests {
                 noise: 1e-3,
             }],
             runs: vec![ObservedRun {
-                u: vec![t.iter().map(pushed).collect()],
-                y: vec![t.iter().map(moved).collect()],
+                u: vec![u],
+                y: vec![y],
                 valid: vec![vec![true; t.len()]],
                 t,
             }],

@@ -256,8 +256,8 @@ fn crossings(signal: &[Vec<f64>]) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use super::idle::tests::of_one_position;
     use super::*;
-    use crate::shooting::Channel;
 
     /// A position that swings at `frequency`, Hz, under an input that does, over `duration` s.
     fn swing(frequency: f64, interval: f64, duration: f64) -> Observations {
@@ -268,20 +268,8 @@ mod tests {
             let angle = |t: &f64| std::f64::consts::TAU * (frequency * t) + phase;
             t.iter().map(|t| angle(t).sin()).collect()
         };
-        Observations {
-            channels: vec![Channel {
-                coordinate: 0,
-                velocity: false,
-                wraps: false,
-                noise: 1e-3,
-            }],
-            runs: vec![ObservedRun {
-                u: vec![wave(1.0)],
-                y: vec![wave(0.0)],
-                valid: vec![vec![true; t.len()]],
-                t,
-            }],
-        }
+        let (y, u) = (wave(0.0), wave(1.0));
+        of_one_position(t, y, u)
     }
 
     #[test]
