@@ -64,12 +64,12 @@ fn states(model: &Model) -> Vec<(Vec<f64>, Vec<f64>)> {
         .collect()
 }
 
-/// The URDF with `mass` welded to a link as a point at the centre of mass of its body.
-fn heavier(urdf: &str, model: &Model, link: &str, mass: f64) -> String {
+/// The URDF with `mass` welded to a link as a point, so many `times` as far from the joint of its body as the centre of mass.
+fn heavier(urdf: &str, model: &Model, link: &str, (mass, times): (f64, f64)) -> String {
     let tree = model.tree.as_ref().unwrap();
     let named = tree.links().iter().find(|l| l.name == link).unwrap();
     let body = &tree.bodies()[named.body.unwrap()];
-    let ([x, y, z], to) = (<[f64; 3]>::from(body.centre), &body.name);
+    let ([x, y, z], to) = (<[f64; 3]>::from(times * body.centre), &body.name);
     let load = format!(
         r#"<link name="load"><inertial><mass value="{mass}"/>
              <inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>
@@ -91,7 +91,7 @@ fn an_added_mass_is_a_heavier_link_of_the_urdf() {
     ] {
         let effect = format!("[[effect]]\nkind = \"added_mass\"\nlink = \"{link}\"\nmass = {mass}");
         let added = model(&urdf, &format!("{base}\n{effect}"));
-        let expected = model(&heavier(&urdf, &added, link, mass), base);
+        let expected = model(&heavier(&urdf, &added, link, (mass, 1.0)), base);
         let plain = model(&urdf, base);
         for (q, v) in states(&added) {
             let found = acceleration(&added, &q, &v);
@@ -99,6 +99,37 @@ fn an_added_mass_is_a_heavier_link_of_the_urdf() {
             let without = acceleration(&plain, &q, &v);
             let moved = found.iter().zip(&without).map(|(a, b)| (a - b).abs());
             assert!(moved.fold(0.0, f64::max) > 1e-3, "{link}");
+        }
+    }
+}
+
+#[test]
+fn a_payload_is_a_load_that_the_urdf_holds_away_from_the_centre_of_mass() {
+    let quadruped = std::fs::read_to_string(models().join("quadruped/quadruped.urdf")).unwrap();
+    for (urdf, base, link, mass, place) in [
+        (cartpole_urdf(), "", "pole", 0.05, 1.0),
+        (cartpole_urdf(), "", "sphere", 0.05, 1.7),
+        (cartpole_urdf(), "", "pole", 0.02, 0.4),
+        (quadruped, "base = \"floating\"", "HL_shank", 0.4, 2.1),
+    ] {
+        let effect = format!(
+            "[[effect]]\nkind = \"payload\"\nlink = \"{link}\"\nmass = {mass}\nplace = {place}"
+        );
+        let tilt = "\n[[effect]]\nkind = \"gravity_tilt\"\njoint = \"slider\"\nangle = 0.2\n";
+        // On a slope too, for the weight of a load is tilted with the others.
+        let slopes = if base.is_empty() {
+            &["", tilt][..]
+        } else {
+            &[""][..]
+        };
+        for slope in slopes {
+            let loaded = model(&urdf, &format!("{base}\n{effect}{slope}"));
+            let heavy = heavier(&urdf, &loaded, link, (mass, place));
+            let expected = model(&heavy, &format!("{base}{slope}"));
+            for (q, v) in states(&loaded) {
+                let found = acceleration(&loaded, &q, &v);
+                assert_equal(&found, &acceleration(&expected, &q, &v), 1e-10);
+            }
         }
     }
 }
@@ -178,20 +209,21 @@ fn derivatives_of_changed_mechanics_are_exact_on_bodies_that_float_as_well() {
         (load("arm7/arm7.toml"), 1, [3, 4]),
     ] {
         let mut hybrid = Hybrid::of(&model);
-        let mut place = |kind: &str, target: usize, value: f64| {
+        let mut place = |kind: &str, target: usize, values: &[f64]| {
             let placed = Placed {
                 kind: registry::find(kind).unwrap(),
                 target,
                 smoothing: default_smoothing(true),
                 fixed: false,
             };
-            hybrid.add(placed, &[value]);
+            hybrid.add(placed, values);
         };
-        place("reflected_inertia", joint, 0.07);
+        place("reflected_inertia", joint, &[0.07]);
         for link in links {
-            place("added_mass", link, 0.5);
+            place("added_mass", link, &[0.5]);
         }
-        place("gravity_tilt", joint, 0.1);
+        place("payload", links[1], &[0.3, 1.6]);
+        place("gravity_tilt", joint, &[0.1]);
         for constant in hybrid.constants_mut() {
             constant.tolerance = f64::INFINITY;
         }

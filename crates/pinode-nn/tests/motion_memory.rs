@@ -101,10 +101,11 @@ fn steps_and_derivatives_of_mechanisms_allocate_nothing() {
     }
     let plain = Hybrid::of(&model("cartpole/cartpole.toml"));
     let mut changed = plain.clone();
-    for (kind, target) in [
-        ("added_mass", 2),
-        ("reflected_inertia", 0),
-        ("gravity_tilt", 0),
+    for (kind, target, values) in [
+        ("added_mass", 2, &[0.02][..]),
+        ("payload", 2, &[0.02, 1.5]),
+        ("reflected_inertia", 0, &[0.02]),
+        ("gravity_tilt", 0, &[0.02]),
     ] {
         let placed = Placed {
             kind: registry::find(kind).unwrap(),
@@ -112,7 +113,7 @@ fn steps_and_derivatives_of_mechanisms_allocate_nothing() {
             smoothing: default_smoothing(false),
             fixed: false,
         };
-        changed.add(placed, &[0.02]);
+        changed.add(placed, values);
     }
     for hybrid in [plain, changed] {
         let (theta, free) = (hybrid.theta(), hybrid.free());

@@ -59,6 +59,7 @@ fn with_every_effect(transmission: &str) -> Hybrid {
             "lugre_friction" => &[60.0, 0.4, 0.1, 0.2, 0.1],
             "hysteresis" => &[12.0, 0.02],
             "added_mass" => &[0.02],
+            "payload" => &[0.02, 1.4],
             "reflected_inertia" => &[0.02],
             "gravity_tilt" => &[0.02],
             other => panic!("{other} is new: give it parameters here"),

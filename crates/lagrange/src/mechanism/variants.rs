@@ -64,6 +64,30 @@ impl Tree {
     /// ```
     #[must_use]
     pub fn with_point_masses(&self) -> Tree {
+        self.with_point_masses_at(1.0)
+    }
+
+    /// The same with each point mass so many `times` as far from the origin of its body's frame, where its joint is, as the body's centre of mass, on the
+    /// line through both. T, V and the equations of motion are quadratic in that.
+    ///
+    /// ```
+    /// # fn main() -> Result<(), lagrange::Problems> {
+    /// use lagrange::{Lagrangian, urdf};
+    ///
+    /// let text = r#"<robot name="r"><link name="base"/>
+    ///   <link name="arm"><inertial><origin xyz="0.5 0 0"/><mass value="2"/>
+    ///     <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+    ///   <joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint>
+    /// </robot>"#;
+    /// // What it holds at its end, 1.2 m from the hinge.
+    /// let points = urdf::read(text, &urdf::Options::default())?.tree.with_point_masses_at(2.4);
+    /// let kinetic = points.kinetic_with(&[0.3], &[4.0], &[0.2]);
+    /// assert!((kinetic - 0.5 * 0.2 * (1.2_f64 * 4.0).powi(2)).abs() < 1e-14);
+    /// # Ok(())
+    /// # }
+    /// ```
+    #[must_use]
+    pub fn with_point_masses_at(&self, times: f64) -> Tree {
         let mut tree = self.clone();
         for node in &mut tree.nodes {
             node.parameter = None;
@@ -76,12 +100,13 @@ impl Tree {
                 nominal: 1.0,
             });
             body.mass = 1.0;
+            body.centre *= times;
             body.inertia.fill(0.0);
             let Some(node) = tree.nodes.get_mut(body.node) else {
                 continue;
             };
             let per_mass = if node.mass > 0.0 {
-                1.0 / node.mass
+                times / node.mass
             } else {
                 0.0
             };

@@ -215,6 +215,7 @@ mod tests {
             ("backlash", "motor"),
             ("added_mass", "cart"),
             ("added_mass", "pole"),
+            ("payload", "pole"),
             ("reflected_inertia", "slider"),
             ("reflected_inertia", "pole"),
         ];

@@ -155,6 +155,10 @@ impl Study {
         state_iterations: usize,
         iterations: usize,
     ) -> Fitted {
+        let start = Start {
+            theta: hybrid.settled(start.theta),
+            ..start
+        };
         let substeps = self.substeps_for(&hybrid, &start.theta);
         self.count(&hybrid, substeps, state_iterations + iterations);
         let (inside, outside) = match &self.kept {

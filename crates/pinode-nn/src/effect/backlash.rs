@@ -11,7 +11,8 @@
 use lagrange::Scalar;
 
 use super::{
-    Action, Family, Kind, LeftOut, MemoryLaw, ParameterSpec, Probe, Quantity, Seen, WithMemory,
+    Action, Family, Kind, LeftOut, MemoryLaw, ParameterSpec, Probe, Quantity, Scales, Seen,
+    WithMemory,
 };
 
 /// What is taken for the motor and its teeth beside the joint's own entry of M: a tenth of the inertia, teeth on which it swings with
@@ -62,12 +63,19 @@ fn pull<D: Scalar>(seen: &Seen<'_, D>, p: &[D]) -> D {
 /// Index of J.
 const INERTIA: usize = 3;
 
+/// A gap of less than this part of the noise shows in no log, however long.
+const LEAST_GAP: f64 = 0.01;
+
 impl MemoryLaw for Backlash {
     fn states(&self) -> usize {
         2
     }
     fn taken_from_joint(&self) -> Option<usize> {
         Some(INERTIA)
+    }
+    /// Without a gap it is an elastic transmission.
+    fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool {
+        p[0] > LEAST_GAP * scales.noise
     }
     fn takes_lanes(&self) -> bool {
         true

@@ -22,10 +22,10 @@ const LEFT: f64 = 0.1;
 ///
 /// With ID(q, v, v̇; g) = M v̇ + C v + G of the mechanism under gravity g, the motion obeys
 ///
-/// ID + Σ I v̇_j e_j − Σ J v̇_j e_j + Σ m ID₁(q, v, v̇; g) + Σ (sin α G(q; |g| d) + (cos α − 1) G(q; g)) = Q
+/// ID + Σ I v̇_j e_j − Σ J v̇_j e_j + Σ m ID₁(q, v, v̇; g, s) + Σ (sin α G(q; |g| d) + (cos α − 1) G(q; g)) = Q
 ///
-/// I of rotors, J of motors that moved with their joint and now move by themselves. ID₁ is that of the same joints with 1 kg at the centre
-/// of mass of one body and nothing else, and d is a horizontal direction ([`tilt_direction`]). What is tilted are the weights of added
+/// I of rotors, J of motors that moved with their joint and now move by themselves. ID₁ is that of the same joints with nothing but 1 kg on one body, s times as
+/// far from its joint as its centre of mass (s = 1 but for payloads), and d is a horizontal direction ([`tilt_direction`]). What is tilted are the weights of added
 /// masses too.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
@@ -36,6 +36,8 @@ pub enum Inertial {
     Motor,
     /// A point mass at the centre of mass of a body; its target is a link of the body.
     PointMass,
+    /// A point mass anywhere on the line from a body's joint through its centre of mass; its target is a link of the body.
+    Payload,
     /// The base stands at an angle; its target is the joint that says about which direction.
     Tilt,
 }
@@ -55,6 +57,7 @@ impl fmt::Display for Inertial {
             Inertial::Rotor => "reflected_inertia",
             Inertial::Motor => "backlash",
             Inertial::PointMass => "added_mass",
+            Inertial::Payload => "payload",
             Inertial::Tilt => "gravity_tilt",
         })
     }
@@ -94,9 +97,19 @@ pub enum Misplaced {
     },
     /// The link does not move.
     #[error(
-        "added_mass sits on `{link}`, which is welded to the world and moves no mass: name a link that moves"
+        "{change} sits on `{link}`, which is welded to the world and moves no mass: name a link that moves"
     )]
     Welded {
+        /// The effect.
+        change: Inertial,
+        /// The link.
+        link: String,
+    },
+    /// The centre of mass is where the joint is.
+    #[error(
+        "payload sits on `{link}`, whose centre of mass is where its joint is: no line leads from one through the other; use added_mass there, or say where the centre of mass is"
+    )]
+    Centred {
         /// The link.
         link: String,
     },
@@ -140,7 +153,7 @@ impl Inertial {
                 Some(tree.bodies().get(body)?.mass)
             }),
             Inertial::Rotor => moved(target, mechanics),
-            Inertial::Motor | Inertial::Tilt => None,
+            Inertial::Motor | Inertial::Payload | Inertial::Tilt => None,
         };
         (1.0 - LEFT) * there.unwrap_or(0.0)
     }
@@ -181,18 +194,24 @@ impl Inertial {
         };
         match self {
             Inertial::Rotor | Inertial::Motor => on_joint(target).map(|_| ()),
-            Inertial::PointMass => {
+            Inertial::PointMass | Inertial::Payload => {
                 let tree = tree.ok_or(Misplaced::NoBodies { change: self })?;
                 let link = tree.links().get(target).ok_or(Misplaced::NoSuchTarget {
                     change: self,
                     index: target,
                     count: tree.links().len(),
                 })?;
-                match link.body {
-                    Some(_) => Ok(()),
+                let name = || link.name.clone();
+                let body = link.body.and_then(|body| tree.bodies().get(body));
+                match body {
                     None => Err(Misplaced::Welded {
-                        link: link.name.clone(),
+                        change: self,
+                        link: name(),
                     }),
+                    Some(body) if self == Inertial::Payload && body.centre.norm() == 0.0 => {
+                        Err(Misplaced::Centred { link: name() })
+                    }
+                    Some(_) => Ok(()),
                 }
             }
             Inertial::Tilt => {

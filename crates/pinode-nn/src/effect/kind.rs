@@ -144,7 +144,7 @@ impl Kind {
             Action::Joint(_) | Action::Memory(_) => ActsOn::Joint,
             Action::Sensor(_) => ActsOn::Sensor,
             Action::Drive(_) | Action::Transmission(_) => ActsOn::Input,
-            Action::Inertial(Inertial::PointMass) => ActsOn::Link,
+            Action::Inertial(Inertial::PointMass | Inertial::Payload) => ActsOn::Link,
             Action::Inertial(_) => ActsOn::Joint,
         }
     }

@@ -42,6 +42,7 @@ mod input_saturation;
 mod linear_spring;
 mod load_dependent_friction;
 mod lugre_friction;
+mod payload;
 mod periodic_force;
 mod pointwise;
 mod position_dependent_friction;

@@ -31,6 +31,7 @@ pub static ALL: &[&Kind] = &[
     &super::backlash::KIND,
     &super::elastic_transmission::KIND,
     &super::added_mass::KIND,
+    &super::payload::KIND,
     &super::reflected_inertia::KIND,
     &super::sensor_offset::KIND,
     &super::sensor_scale::KIND,
@@ -192,7 +193,7 @@ mod tests {
             pace: 1.0,
             noise: 1e-3,
         };
-        let cases: [(&str, &[f64], bool); 19] = [
+        let cases: [(&str, &[f64], bool); 21] = [
             // A blow of 7 ms, and one of 0.7 s.
             ("end_stop", &[-0.2, 0.2, 1e5, 100.0], true),
             ("end_stop", &[-0.2, 0.2, 10.0, 1.0], false),
@@ -218,6 +219,8 @@ mod tests {
             // A twentieth of the critical damping, and five times as much.
             ("elastic_transmission", &[75.0, 0.3, 0.035], true),
             ("elastic_transmission", &[221.0, 16.9, 0.0162], false),
+            ("backlash", &[1e-4, 1e4, 10.0, 1e-2], true),
+            ("backlash", &[0.0, 1e4, 10.0, 1e-2], false),
         ];
         for (name, p, expected) in cases {
             let itself = find(name).map(|kind| kind.is_itself(&scales, p));

@@ -19,6 +19,7 @@ mod motion;
 mod networks;
 mod on_links;
 mod reading;
+mod settled;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -357,8 +358,7 @@ impl Hybrid {
 
     /// The model with the smoothing of all friction that may stick times `factor`, with implicit steps if it is too fast for others at θ.
     pub(crate) fn sharpened(&self, factor: f64, theta: &[f64]) -> Self {
-        let is_dry = |kind: &Kind| matches!(kind.action, Action::Joint(law) if law.dry().is_some());
-        let mut sharp = self.smoothed_by(factor, is_dry);
+        let mut sharp = self.smoothed_by(factor, |placed| placed.kind.dry().is_some());
         sharp.stiff |= sharp.fastest_friction(theta) > sharp.stiff_rate();
         sharp.sharpness.1 *= factor;
         sharp
@@ -585,9 +585,10 @@ impl Hybrid {
         self.smoothed_by(factor, |_| true)
     }
 
-    fn smoothed_by(&self, factor: f64, counts: impl Fn(&Kind) -> bool) -> Self {
+    /// The model with the smoothing velocities of these effects times `factor`.
+    pub(crate) fn smoothed_by(&self, factor: f64, counts: impl Fn(&Placed) -> bool) -> Self {
         let mut scaled = self.clone();
-        for placed in scaled.effects.iter_mut().filter(|e| counts(e.kind)) {
+        for placed in scaled.effects.iter_mut().filter(|e| counts(e)) {
             placed.smoothing *= factor;
         }
         scaled
@@ -680,6 +681,13 @@ impl Hybrid {
         (body.name == link.name && body.mass > 0.0).then_some(body.mass)
     }
 
+    /// The way from the joint of the body that link `link` belongs to, to its centre of mass, m.
+    pub fn way_to_centre(&self, link: usize) -> Option<f64> {
+        let tree = self.variants.as_ref()?.tree();
+        let body = tree.links().get(link)?.body?;
+        Some(tree.bodies().get(body)?.centre.norm())
+    }
+
     /// Whether an effect that changes the mechanics may be looked for on `target` (of an input, its coordinate): a rotor on every joint,
     /// for gears, flywheels and encoders have inertia as motors have; a mass once in each body that has some, a tilt where a joint is on the base.
     pub fn may_change(&self, change: Inertial, target: usize) -> bool {
@@ -688,7 +696,7 @@ impl Hybrid {
         let p = &theta[self.mechanics_range()];
         let sensible = match change {
             Inertial::Rotor | Inertial::Motor => true,
-            Inertial::PointMass => self.mass_of_body(target).is_some(),
+            Inertial::PointMass | Inertial::Payload => self.mass_of_body(target).is_some(),
             Inertial::Tilt => tree.is_some_and(|tree| {
                 let on_base = tree.bodies().iter().filter(|body| body.parent.is_none());
                 let mut joints = on_base.filter_map(|body| tree.joints().get(body.joint?));

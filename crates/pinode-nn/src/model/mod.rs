@@ -82,7 +82,8 @@
 //! slider = { spread = 2.8, floor = 1.6e-3, growth = 4.0e-3 }
 //! ```
 //!
-//! An `added_mass` sits on a link of a URDF, `link = "pole"`, and is a point mass at the centre of mass of all that is welded to it.
+//! An `added_mass` sits on a link of a URDF, `link = "pole"`, and is a point mass at the centre of mass of all that is welded to it; a `payload` is one on
+//! the line there from its joint, `place` times as far.
 //!
 //! `joint`, `[sensor.…]`, `zero` and the columns of a log name coordinates: a joint with one coordinate gives it its name, a planar
 //! joint has three (`foot.x`, `foot.y`, `foot.theta`; in TOML `[sensor."foot.x"]`). The pose of a floating body cannot be named there:

@@ -6,6 +6,7 @@ mod exact;
 mod inertias;
 mod known;
 mod paces;
+mod payload;
 mod pendulum;
 mod resting;
 mod sticking;

@@ -17,9 +17,9 @@ pub(in crate::hybrid) struct RowMemory {
 impl Extra {
     /// For `nv` velocities and `np` constants of the mechanics.
     pub fn row_memory(&self, nv: usize, np: usize) -> RowMemory {
-        let of = |term: &Term| match term.of_points {
-            true => InverseDynamicsGradient::zeros(nv, self.bodies),
-            false => InverseDynamicsGradient::zeros(nv, np),
+        let of = |term: &Term| match term.family {
+            Some(_) => InverseDynamicsGradient::zeros(nv, self.bodies),
+            None => InverseDynamicsGradient::zeros(nv, np),
         };
         RowMemory {
             whole: InverseDynamicsGradient::zeros(nv, np),
@@ -54,7 +54,6 @@ impl Extra {
             zeros,
             factor: factor_of_mass,
             part,
-            added,
             derivatives: sum,
             of_terms,
             by_slot,
@@ -66,9 +65,9 @@ impl Extra {
         T::inverse_dynamics_derivatives(mechanics, (q, v, a), constants, selected, work, sum);
         by_slot.fill(zero);
         for ((term, work), by) in self.terms.iter().zip(works).zip(of_terms) {
-            let (constants, selected) = match term.of_points {
-                true => (masses.as_slice(), added.as_slice()),
-                false => (constants, selected),
+            let (constants, selected) = match term.family {
+                Some(family) => (masses[family].as_slice(), self.loaded.as_slice()),
+                None => (constants, selected),
             };
             let (v, a) = match term.factor.is_weight() {
                 true => (zeros.as_slice(), zeros.as_slice()),
@@ -81,12 +80,15 @@ impl Extra {
             if !term.factor.is_weight() {
                 add_scaled(&mut sum.by_v, factor, &by.by_v);
             }
-            match term.of_points {
-                false => add_scaled(&mut sum.by_p, factor, &by.by_p),
-                true => {
-                    for (k, &(_, slot)) in self.points.iter().enumerate() {
-                        let mut to = by_slot.column_mut(slot);
-                        add_scaled(to.iter_mut(), factor, by.by_p.column(k).iter());
+            match term.family {
+                None => add_scaled(&mut sum.by_p, factor, &by.by_p),
+                Some(family) => {
+                    for point in &self.points {
+                        for (slot, slope) in point.in_family(family, p).1 {
+                            let mut to = by_slot.column_mut(slot);
+                            let from = by.by_p.column(point.column);
+                            add_scaled(to.iter_mut(), factor * slope, from.iter());
+                        }
                     }
                 }
             }
@@ -159,10 +161,7 @@ impl Extra {
         }
         of_slots.fill(0.0);
         for ((term, work), by) in self.terms.iter().zip(works).zip(gradients) {
-            let constants = match term.of_points {
-                true => masses.as_slice(),
-                false => constants,
-            };
+            let constants = term.family.map_or(constants, |f| masses[f].as_slice());
             let (v, a) = match term.factor.is_weight() {
                 true => (zeros.as_slice(), zeros.as_slice()),
                 false => (v, a),
@@ -174,11 +173,13 @@ impl Extra {
             if !term.factor.is_weight() {
                 out.by_v.axpy(-factor, &by.by_v, 1.0);
             }
-            match term.of_points {
-                false => out.by_p.axpy(-factor, &by.by_p, 1.0),
-                true => {
-                    for &(body, slot) in &self.points {
-                        of_slots[slot] += factor * by.by_p[body];
+            match term.family {
+                None => out.by_p.axpy(-factor, &by.by_p, 1.0),
+                Some(family) => {
+                    for point in &self.points {
+                        for (slot, slope) in point.in_family(family, p).1 {
+                            of_slots[slot] += factor * slope * by.by_p[point.body];
+                        }
                     }
                 }
             }

@@ -26,6 +26,7 @@ use number::{Number, add_scaled};
 
 pub(super) use derivatives::RowMemory;
 pub(super) use variants::Variants;
+use variants::{FAMILIES, share};
 
 /// What the effects of one model add.
 pub(super) struct Extra {
@@ -33,8 +34,9 @@ pub(super) struct Extra {
     pub parameters: Vec<usize>,
     terms: Vec<Term>,
     rotors: Vec<Rotor>,
-    /// The bodies with a point mass, and its slot.
-    points: Vec<(usize, usize)>,
+    points: Vec<Point>,
+    /// The bodies that have some, each once.
+    loaded: Vec<usize>,
     /// Number of bodies.
     bodies: usize,
     /// Whether each effect has a place: else there is no motion.
@@ -49,11 +51,34 @@ struct Rotor {
     sign: f64,
 }
 
+/// A point mass on the line from the joint of a body through its centre of mass.
+struct Point {
+    body: usize,
+    /// Of the body among those that have some.
+    column: usize,
+    /// Of its mass.
+    slot: usize,
+    /// Of its place, in ways from the joint to the centre of mass; none at that.
+    place: Option<usize>,
+}
+
+impl Point {
+    /// What it adds to the mass of its body in a family of point masses, and the derivatives of that with its slots.
+    fn in_family(&self, family: usize, p: &[f64]) -> (f64, [(usize, f64); 2]) {
+        let (mass, times) = (p[self.slot], self.place.map_or(1.0, |slot| p[slot]));
+        let (share, slope) = share(family, times);
+        let by_place = self
+            .place
+            .map_or((self.slot, 0.0), |slot| (slot, mass * slope));
+        (mass * share, [(self.slot, share), by_place])
+    }
+}
+
 /// The equations of one mechanism.
 struct Term {
     mechanics: Arc<dyn Mechanics>,
-    /// Whether its constants are the point masses, and not those of the model's mechanics.
-    of_points: bool,
+    /// The family of point masses that are its constants; none where those are the constants of the model's mechanics.
+    family: Option<usize>,
     factor: Factor,
 }
 
@@ -90,17 +115,15 @@ impl Factor {
 /// Memory of one thread for one set of free constants: for one state, or for eight at once.
 pub(super) struct ExtraMemory<T: Number = f64> {
     works: Vec<Workspace>,
-    /// The parameters, slot by slot, and the point masses, body by body.
+    /// The parameters, slot by slot, and the point masses of each family, body by body.
     p: Vec<f64>,
-    masses: Vec<f64>,
+    masses: [Vec<f64>; FAMILIES],
     zeros: Vec<T>,
     mass: DMatrix<T>,
     part_of_mass: DMatrix<T>,
     factor: T::Factor,
     bias: DVector<T>,
     part: DVector<T>,
-    /// The bodies with a point mass.
-    added: Vec<usize>,
     derivatives: InverseDynamicsDerivatives<T>,
     of_terms: Vec<InverseDynamicsDerivatives<T>>,
     /// ∂ID/∂p of the last derivatives, one column a slot.
@@ -115,6 +138,7 @@ impl Extra {
             terms: Vec::new(),
             rotors: Vec::new(),
             points: Vec::new(),
+            loaded: Vec::new(),
             bodies: 0,
             in_place: true,
         };
@@ -139,10 +163,13 @@ impl Extra {
                         None => extra.in_place = false,
                     }
                 }
-                Inertial::PointMass => {
+                Inertial::PointMass | Inertial::Payload => {
+                    let place = (change == Inertial::Payload).then_some(slot + 1);
+                    let further = place.map(|_| range.start + parameter + 1);
+                    extra.parameters.extend(further);
                     let link = variants.and_then(|v| v.tree().links().get(effect.target));
                     match link.and_then(|link| link.body) {
-                        Some(body) => extra.points.push((body, slot)),
+                        Some(body) => extra.load_body(body, slot, place),
                         None => extra.in_place = false,
                     }
                 }
@@ -154,37 +181,52 @@ impl Extra {
         }
         extra.in_place &= hybrid.mechanics.constraints().is_none();
         extra.bodies = variants.map_or(0, |v| v.tree().bodies().len());
-        let points = match extra.points.is_empty() {
-            true => None,
-            false => variants.and_then(|v| v.points()),
+        let families = match extra.points.as_slice() {
+            [] => 0,
+            points if points.iter().all(|point| point.place.is_none()) => 1,
+            _ => FAMILIES,
         };
-        let mut put = |mechanics, of_points, factor| match mechanics {
+        let points = |family| variants.and_then(|v| v.points(family));
+        let mut put = |mechanics, family, factor| match mechanics {
             Some(mechanics) => extra.terms.push(Term {
                 mechanics,
-                of_points,
+                family,
                 factor,
             }),
             None => extra.in_place = false,
         };
         for (c, slot) in tilts {
-            let tilted = |of_points| variants.and_then(|v| v.tilted(c, of_points));
-            put(tilted(false), false, Factor::Sine(slot));
+            let tilted = |family| variants.and_then(|v| v.tilted(c, family));
+            put(tilted(None), None, Factor::Sine(slot));
             let own = Some(hybrid.mechanics.clone());
-            put(own, false, Factor::CosineLessOne(slot));
-            if points.is_some() {
-                put(tilted(true), true, Factor::Sine(slot));
-                put(points.clone(), true, Factor::CosineLessOne(slot));
+            put(own, None, Factor::CosineLessOne(slot));
+            for family in 0..families {
+                put(tilted(Some(family)), Some(family), Factor::Sine(slot));
+                put(points(family), Some(family), Factor::CosineLessOne(slot));
             }
         }
-        if points.is_some() {
-            put(points, true, Factor::One);
+        for family in 0..families {
+            put(points(family), Some(family), Factor::One);
         }
         Some(extra)
     }
 
+    fn load_body(&mut self, body: usize, slot: usize, place: Option<usize>) {
+        let known = self.loaded.iter().position(|other| *other == body);
+        let column = known.unwrap_or(self.loaded.len());
+        if known.is_none() {
+            self.loaded.push(body);
+        }
+        self.points.push(Point {
+            body,
+            column,
+            slot,
+            place,
+        });
+    }
+
     /// For `nv` velocities and derivatives in `selected` constants of the mechanics.
     pub fn memory<T: Number>(&self, nv: usize, selected: usize) -> ExtraMemory<T> {
-        let added: Vec<usize> = self.points.iter().map(|(body, _)| *body).collect();
         let matrix = |columns| DMatrix::from_element(nv, columns, T::constant(0.0));
         let vector = || DVector::from_element(nv, T::constant(0.0));
         let derivatives = |constants| InverseDynamicsDerivatives {
@@ -192,15 +234,15 @@ impl Extra {
             by_v: matrix(nv),
             by_p: matrix(constants),
         };
-        let of = |term: &Term| match term.of_points {
-            true => derivatives(added.len()),
-            false => derivatives(selected),
+        let of = |term: &Term| match term.family {
+            Some(_) => derivatives(self.loaded.len()),
+            None => derivatives(selected),
         };
         let terms = self.terms.iter();
         ExtraMemory {
             works: terms.clone().map(|t| t.mechanics.workspace()).collect(),
             p: vec![0.0; self.parameters.len()],
-            masses: vec![0.0; self.bodies],
+            masses: std::array::from_fn(|_| vec![0.0; self.bodies]),
             zeros: vec![T::constant(0.0); nv],
             mass: matrix(nv),
             part_of_mass: matrix(nv),
@@ -210,7 +252,6 @@ impl Extra {
             derivatives: derivatives(selected),
             of_terms: terms.map(of).collect(),
             by_slot: matrix(self.parameters.len()),
-            added,
         }
     }
 
@@ -222,9 +263,11 @@ impl Extra {
                 false => f64::NAN,
             };
         }
-        memory.masses.fill(0.0);
-        for &(body, slot) in &self.points {
-            memory.masses[body] += memory.p[slot];
+        for (family, masses) in memory.masses.iter_mut().enumerate() {
+            masses.fill(0.0);
+            for point in &self.points {
+                masses[point.body] += point.in_family(family, &memory.p).0;
+            }
         }
     }
 
@@ -233,7 +276,8 @@ impl Extra {
         for (term, work) in self.terms.iter().zip(&mut memory.works) {
             if !term.factor.is_weight() {
                 let part = &mut memory.part_of_mass;
-                T::mass_matrix(&*term.mechanics, q, &memory.masses, work, part);
+                let masses = &memory.masses[term.family.unwrap_or_default()];
+                T::mass_matrix(&*term.mechanics, q, masses, work, part);
                 add_scaled(mass.iter_mut(), 1.0, part.iter());
             }
         }
@@ -271,10 +315,7 @@ impl Extra {
     ) {
         self.load(theta, memory);
         for (term, work) in self.terms.iter().zip(&mut memory.works) {
-            let p = match term.of_points {
-                true => &memory.masses,
-                false => constants,
-            };
+            let p = term.family.map_or(constants, |f| &memory.masses[f]);
             let part = &mut memory.part;
             match term.factor.is_weight() {
                 true => T::gravity_force(&*term.mechanics, q, p, work, part),

@@ -55,10 +55,7 @@ impl Extra {
     ) {
         self.load(theta, memory);
         for (term, work) in self.terms.iter().zip(&mut memory.works) {
-            let p = match term.of_points {
-                true => &memory.masses,
-                false => constants,
-            };
+            let p = term.family.map_or(constants, |f| &memory.masses[f]);
             let (part, row) = (&mut memory.part, &mut memory.bias);
             if term.factor.is_weight() {
                 term.mechanics.gravity_force_into(q, p, work, part);

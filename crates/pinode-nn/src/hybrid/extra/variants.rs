@@ -10,12 +10,28 @@ use crate::effect::tilt_direction;
 /// One that is made when it is needed.
 type Lazy = OnceLock<Option<Arc<dyn Mechanics>>>;
 
+/// Where the point masses of a family are: so many times as far from their joints as the centres of mass.
+const PLACES: [f64; FAMILIES] = [1.0, 0.0, 2.0];
+/// Of three such families any place on the line is made, for the equations of motion are quadratic in it.
+pub(super) const FAMILIES: usize = 3;
+
+/// The share of a family in a point mass that is `times` as far from its joint as the centre of mass, and the derivative of that: Lagrange's polynomials.
+pub(super) fn share(family: usize, times: f64) -> (f64, f64) {
+    let s = times;
+    match family {
+        0 => (s * (2.0 - s), 2.0 - 2.0 * s),
+        1 => (0.5 * (s - 1.0) * (s - 2.0), s - 1.5),
+        _ => (0.5 * s * (s - 1.0), s - 0.5),
+    }
+}
+
 /// The tree of a model with other masses and under other gravities.
 pub struct Variants {
     tree: Tree,
-    points: Lazy,
-    /// By coordinate: the bodies themselves, then point masses.
-    tilted: Vec<[Lazy; 2]>,
+    /// By family.
+    points: [Lazy; FAMILIES],
+    /// By coordinate: the bodies themselves, then the families of point masses.
+    tilted: Vec<[Lazy; 1 + FAMILIES]>,
 }
 
 impl Variants {
@@ -23,7 +39,7 @@ impl Variants {
         let coordinates = tree.coordinates().iter();
         Variants {
             tilted: coordinates.map(|_| Default::default()).collect(),
-            points: Lazy::new(),
+            points: Default::default(),
             tree,
         }
     }
@@ -33,27 +49,28 @@ impl Variants {
     }
 
     /// A point mass in every body, by which it is parametrised.
-    pub fn points(&self) -> Option<Arc<dyn Mechanics>> {
-        let make = || Some(Arc::new(Dynamics::of(self.tree.with_point_masses())) as _);
-        self.points.get_or_init(make).clone()
+    pub fn points(&self, family: usize) -> Option<Arc<dyn Mechanics>> {
+        let times = *PLACES.get(family)?;
+        let make = || Some(Arc::new(Dynamics::of(self.tree.with_point_masses_at(times))) as _);
+        self.points.get(family)?.get_or_init(make).clone()
     }
 
-    /// Under the gravity |g| d of coordinate `c`: the bodies themselves, or a point mass in each.
-    pub fn tilted(&self, c: usize, points: bool) -> Option<Arc<dyn Mechanics>> {
+    /// Under the gravity |g| d of coordinate `c`: the bodies themselves, or a point mass of a family in each.
+    pub fn tilted(&self, c: usize, family: Option<usize>) -> Option<Arc<dyn Mechanics>> {
         let make = || {
             let g = self.tree.gravity();
             let size = g.iter().map(|g| g * g).sum::<f64>().sqrt();
             let gravity = tilt_direction(&self.tree, c)?.map(|d| size * d);
             let tilted = self.tree.with_gravity(gravity);
-            let tilted = match points {
-                true => tilted.with_point_masses(),
-                false => tilted,
+            let tilted = match family {
+                Some(family) => tilted.with_point_masses_at(*PLACES.get(family)?),
+                None => tilted,
             };
             Some(Arc::new(Dynamics::of(tilted)) as _)
         };
         self.tilted
             .get(c)?
-            .get(usize::from(points))?
+            .get(family.map_or(0, |family| 1 + family))?
             .get_or_init(make)
             .clone()
     }
