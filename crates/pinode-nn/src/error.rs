@@ -60,8 +60,8 @@ pub enum Error {
     },
     /// The model as given cannot be simulated over the log.
     #[error(
-        "the model as given diverges in {diverged} of {windows} windows of the log: check units, signs and the order of columns \
-         (`pinode check` prints what the model expects); where the command has `--step`, take a shorter one: stiff forces need it"
+        "the model as given diverges in {diverged} of {windows} windows of the log: check units (those of `t` are seconds), signs and the order of \
+         columns (`pinode check` prints what the model expects); where the command has `--step`, take a shorter one: stiff forces need it"
     )]
     Unfittable {
         /// Windows in which it diverges.

@@ -6,6 +6,7 @@ use super::candidate::Candidate;
 use super::elsewhere::Elsewhere;
 use super::experiment::{Outcome, Split, short};
 use super::misfit::{is_unexplained, strays};
+use super::numerics::soft;
 use super::search::Search;
 use super::study::Study;
 use super::unseen_spring::UnseenSpring;
@@ -15,7 +16,7 @@ use super::verdict::{
 };
 use crate::digits::{number, uncertain};
 use crate::effect::Between;
-use crate::hybrid::Hybrid;
+use crate::hybrid::{Hybrid, Placed};
 use crate::model::Input;
 
 /// Changes of an input from sample to sample that differ by less than this part of themselves are those of a smooth one.
@@ -57,6 +58,7 @@ pub fn advise(
                 effect.target
             ));
         }
+        advice.extend(where_it_is(effect, &search.model.hybrid));
         let delay = effect.parameters.get("delay").map(|d| d.value);
         if delay.is_some_and(|d| d < study.pace.long(SHORT_DELAY)) {
             advice.push(format!(
@@ -113,7 +115,15 @@ pub fn advise(
             }
         ));
     }
-    for moved in numerics.set_valued.iter().flat_map(|s| s.visible()) {
+    let hybrid = &search.model.hybrid;
+    // What a model file says of its smoothing is its author's.
+    let soft: Vec<&Placed> = match study.may_sharpen {
+        true => soft(hybrid).collect(),
+        false => Vec::new(),
+    };
+    advice.extend(soft.iter().map(|placed| does_not_stick(placed, hybrid)));
+    let sticking = numerics.set_valued.iter().flat_map(|s| s.visible());
+    for moved in sticking.filter(|_| soft.is_empty()) {
         let from = moved.starts.map_or(String::new(), |start| {
             format!(", first at t = {:.2} s", start.t)
         });
@@ -125,6 +135,35 @@ pub fn advise(
         ));
     }
     advice
+}
+
+/// Where a payload is, m.
+fn where_it_is(effect: &NamedEffect, hybrid: &Hybrid) -> Option<String> {
+    let place = effect.parameters.get("place")?;
+    let link = hybrid
+        .links()
+        .iter()
+        .position(|link| link.name == effect.target)?;
+    let way = hybrid.way_to_centre(link)?;
+    Some(format!(
+        "the payload of `{}` is {} m from its joint, on the line through its centre of mass, which is {} m from there.",
+        effect.target,
+        uncertain(way * place.value, place.std.map(|std| way * std)),
+        number(way),
+    ))
+}
+
+/// That friction which was found holds no joint at rest.
+fn does_not_stick(placed: &Placed, hybrid: &Hybrid) -> String {
+    let coordinate = &hybrid.mechanics().coordinates()[placed.target];
+    format!(
+        "the {} on `{}` does not hold it at rest: its sign is spread over {} {}/s, as of friction that a fluid film carries at low speed, or of a \
+         simulation that has tanh(v/v₀) for it; the `smoothing` in model.toml is no numerical one.",
+        spoken(placed.kind.name),
+        coordinate.name,
+        number(placed.smoothing),
+        coordinate.unit(),
+    )
 }
 
 /// What to do about a constant that was not found missing and yet has left what the model gives.

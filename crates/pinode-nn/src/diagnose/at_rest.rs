@@ -1,8 +1,9 @@
 //! What the part that is held out cannot bear out: a name for what moves a coordinate that hardly moves there.
 
 use super::candidate::Candidate;
+use super::comparison::{Lack, lacks};
 use super::search::Search;
-use super::study::{Lack, Study, lacks};
+use super::study::Study;
 use crate::effect::ActsOn;
 use crate::shooting::Window;
 

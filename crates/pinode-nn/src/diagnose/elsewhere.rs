@@ -1,9 +1,10 @@
 //! What the part that is held out contradicts: a name for what the seen windows lack whose constant is another one there.
 
 use super::candidate::Candidate;
+use super::comparison::{Lack, lacks};
 use super::refine::{Contender, ITERATIONS};
 use super::search::Search;
-use super::study::{Fitted, Lack, Study, lacks};
+use super::study::{Fitted, Study};
 use crate::effect::ParameterSpec;
 
 /// A constant is another one where it differs by so many standard errors of both, and by this part of the larger.

@@ -1,6 +1,8 @@
 //! What a search has found, looked at once more: pruned, revisited, and weighed against its rivals.
 
+use super::accept::simpler;
 use super::candidate::{Candidate, gives_way};
+use super::comparison::Comparison;
 use super::confidence::DRAWS;
 use super::experiment::CLOSE;
 use super::refine::{
@@ -9,10 +11,10 @@ use super::refine::{
 use super::released::share_beside;
 use super::remainder::Remainder;
 use super::screen::screen;
-use super::step::{LEAST_T2, Report, Step, is_second_choice, lookalikes, simpler};
-use super::study::{Comparison, Fitted, Study};
+use super::step::{LEAST_T2, Report, Step, is_second_choice, lookalikes};
+use super::study::{Fitted, Study};
+use super::twins::twins_of;
 use super::unseen_spring::UnseenSpring;
-use crate::effect::{ActsOn, Kind};
 use crate::hybrid::{Hybrid, Placed};
 
 /// So many draws cannot promise more.
@@ -342,82 +344,6 @@ fn are_tied(own: &Contender, rival: &Contender) -> bool {
         || (rival.score > own.score && !lead.explains())
 }
 
-/// The offset class: while sliding, a constant force, an offset of the input and a difference of Coulomb friction between the directions are one
-/// equation.
-const OFFSET_CLASS: [&str; 3] = [
-    "constant_force",
-    "asymmetric_coulomb_friction",
-    "input_offset",
-];
-
-fn in_offset_class(kind: &Kind) -> bool {
-    OFFSET_CLASS.contains(&kind.name)
-}
-
-/// The coordinate that an effect on a joint or an input acts on; none for an input on a link, which pushes several, now this way and now that.
-fn pushed(candidate: &Candidate, hybrid: &Hybrid) -> Option<usize> {
-    let Candidate { kind, target } = *candidate;
-    match kind.acts_on() {
-        ActsOn::Input if hybrid.is_on_link(target) => None,
-        ActsOn::Input => Some(hybrid.coordinate_of(kind, target)),
-        _ => Some(target),
-    }
-}
-
-/// Kinds that make another force of an offset of the input than a constant one, or more of it where there is a force.
-const BEHIND_INPUTS: [&str; 3] = [
-    "input_saturation",
-    "input_dead_zone",
-    "load_dependent_friction",
-];
-
-/// The twins of a found effect of a model, `reduced` the model without it: a difference of Coulomb friction is one only where there is such friction
-/// on the same coordinate without it, an offset of the input only where that arrives as it is.
-fn twins_of(
-    study: &Study,
-    candidate: &Candidate,
-    (model, reduced): (&Fitted, &Fitted),
-) -> Vec<Candidate> {
-    let hybrid = &model.hybrid;
-    if !in_offset_class(candidate.kind) {
-        return Vec::new();
-    }
-    let Some(place) = pushed(candidate, hybrid) else {
-        return Vec::new();
-    };
-    let there = |hybrid: &Hybrid, names: &[&str]| {
-        hybrid.effects().iter().any(|e| {
-            let (kind, target) = (e.kind, e.target);
-            names.contains(&kind.name) && pushed(&Candidate { kind, target }, hybrid) == Some(place)
-        })
-    };
-    let difference = "asymmetric_coulomb_friction";
-    let rubs = there(&reduced.hybrid, &["coulomb_friction", difference]);
-    if candidate.kind.name == difference && !rubs {
-        return Vec::new();
-    }
-    let changed = there(hybrid, &BEHIND_INPUTS);
-    let is_input = |kind: &Kind| kind.acts_on() == ActsOn::Input;
-    let is_twin = |twin: &Candidate| {
-        let apart = changed && is_input(twin.kind) != is_input(candidate.kind);
-        let smooth = !rubs && twin.kind.name == difference;
-        twin != candidate && pushed(twin, hybrid) == Some(place) && !apart && !smooth
-    };
-    OFFSET_CLASS
-        .iter()
-        .filter_map(|name| crate::effect::registry::find(name))
-        .filter(|kind| !study.without.contains(kind))
-        .flat_map(|kind| {
-            let targets = match is_input(kind) {
-                true => hybrid.inputs(),
-                false => hybrid.nv(),
-            };
-            (0..targets).map(move |target| Candidate { kind, target })
-        })
-        .filter(is_twin)
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
@@ -425,40 +351,6 @@ mod tests {
     use super::super::pushes::tests::{prepared, prepared_with};
     use super::super::setup::Prepared;
     use super::*;
-
-    #[test]
-    fn an_offset_of_what_pushes_a_link_is_no_constant_force_on_any_joint() {
-        let pushed_by = |name: &str| {
-            let models = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
-            let path = models.join(format!("{name}/{name}.toml"));
-            let hybrid = Hybrid::of(&crate::model::Model::load(&path).unwrap());
-            pushed(&Candidate::named("input_offset", 0), &hybrid)
-        };
-        assert_eq!(pushed_by("cartpole"), Some(0));
-        assert_eq!(pushed_by("hovercraft"), None);
-    }
-
-    /// Without friction of the model's own, a difference of friction between the directions is friction as well, and no constant force.
-    #[test]
-    fn friction_by_direction_is_a_constant_force_only_beside_friction() {
-        let (_dir, Prepared { study, null, .. }) = prepared(0.0);
-        let candidate = |name| Candidate::named(name, 0);
-        let with = |fitted: &Fitted, name, values: &[f64]| {
-            let theta = &fitted.inside.theta;
-            let (hybrid, theta) = candidate(name).place(&fitted.hybrid, theta, values);
-            study.fit(hybrid, fitted.start(theta), 0, 0)
-        };
-        let difference = candidate("asymmetric_coulomb_friction");
-        let rubbing = with(&null, "coulomb_friction", &[0.2]);
-        for (without, has_twins) in [(&null, false), (&rubbing, true)] {
-            let found = with(without, difference.kind.name, &[0.3, 0.1]);
-            let twins = twins_of(&study, &difference, (&found, without));
-            assert_eq!(twins.contains(&candidate("constant_force")), has_twins);
-            let found = with(without, "constant_force", &[0.1]);
-            let twins = twins_of(&study, &candidate("constant_force"), (&found, without));
-            assert_eq!(twins.contains(&difference), has_twins);
-        }
-    }
 
     /// Later fits may take friction to a force beyond reach at next to no stiffness: that is a force of each window's own, and no friction.
     #[test]

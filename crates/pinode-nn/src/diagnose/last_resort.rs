@@ -11,12 +11,13 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::audit::Masked;
+use super::comparison::Comparison;
 use super::curves::ResidualForce;
 use super::locate::locate;
 use super::search::Search;
 use super::setup::Prepared;
 use super::shapes::Follows;
-use super::study::{Comparison, Fitted, Study};
+use super::study::{Fitted, Study};
 use super::unexplained::describe;
 use super::verdict::{Gap, Learnt, Provenance, Unexplained};
 use crate::digits::number;

@@ -12,12 +12,14 @@
 //! 7. What is left and no effect explains is taught to a small network on that coordinate, which is described and added where it explains windows that it
 //!    has not seen and shrinks the gap.
 
+mod accept;
 mod advise;
 mod at_rest;
 pub(crate) mod audit;
 mod blows;
 mod candidate;
 mod cleaned;
+mod comparison;
 mod confidence;
 mod constancy;
 pub(crate) mod conventions;
@@ -59,6 +61,7 @@ mod starts;
 mod step;
 mod stops;
 mod study;
+mod twins;
 mod unexplained;
 mod unseen_spring;
 pub mod verdict;

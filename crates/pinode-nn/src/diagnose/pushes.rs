@@ -9,8 +9,9 @@
 
 use lagrange::Scalar;
 
+use super::comparison::Comparison;
 use super::refine::best;
-use super::study::{Comparison, Fitted, Study};
+use super::study::{Fitted, Study};
 use crate::effect::{Action, Family, Kind, MemoryLaw, ParameterSpec, Quantity, Seen, WithMemory};
 use crate::hybrid::{Hybrid, Placed};
 

@@ -3,11 +3,12 @@
 use rayon::prelude::*;
 
 use super::candidate::Candidate;
+use super::comparison::{Comparison, RELIEF, SURE};
 use super::confidence::wins;
 use super::found::position;
 use super::screen::Screened;
 use super::shown::fit_shown;
-use super::study::{Comparison, Fitted, RELIEF, SURE, Study};
+use super::study::{Fitted, Study};
 
 /// A candidate with this share of its information spanned by free constants is one that they imitate.
 const IMITATED: f64 = 0.9;
@@ -51,7 +52,7 @@ pub struct Contender {
     /// What lets it in, or gives it a say, where it does not explain enough by itself.
     pub standing: Standing,
     /// Whether further iterations from where it is were tried and did not explain more.
-    is_spent: bool,
+    pub(super) is_spent: bool,
 }
 
 /// What a contender has beside what it explains.

@@ -7,9 +7,10 @@
 use rayon::prelude::*;
 
 use super::candidate::Candidate;
+use super::comparison::{Comparison, RELIEF};
 use super::found::Found;
 use super::refine::{Contender, ITERATIONS, best};
-use super::study::{Comparison, Fitted, RELIEF, Study};
+use super::study::{Fitted, Study};
 use crate::effect::Action;
 use crate::hybrid::ConstantId;
 

@@ -2,18 +2,20 @@
 
 use std::sync::OnceLock;
 
+use super::accept::accept;
 use super::candidate::Candidate;
+use super::comparison::{Comparison, RELIEF};
 use super::found::{Found, SAME, position, prune, revisit};
 use super::misfit::explained;
-use super::numerics::sharp;
+use super::numerics::{sharp, softened};
 use super::pushes::{is_push, stripped, with_pushes};
 use super::refine::{Contender, ITERATIONS, is_sensible, rank};
 use super::remainder::Remainder;
 use super::screen;
 use super::step::{
-    LEAST_T2, Report, Step, Turn, accept, is_dear, is_second_choice, refine_dear, step_from,
+    LEAST_T2, Report, Step, Turn, is_dear, is_second_choice, refine_dear, step_from,
 };
-use super::study::{Comparison, Fitted, RELIEF, Study};
+use super::study::{Fitted, Study};
 use super::unseen_spring::unseen_spring;
 use crate::shooting::Fit;
 use crate::smoothing::VISIBLE;
@@ -431,9 +433,11 @@ impl Path {
         let (own, other) = (&self.at.current, &other.at.current);
         let comparison = Comparison::of(own, other);
         let (z_in, z_out) = (comparison.inside.z, comparison.outside.z);
-        let simpler = own.inside.free.len() < other.inside.free.len();
+        // Of as many constants those of fewer effects.
+        let size = |model: &Fitted| (model.inside.free.len(), model.hybrid.effects().len());
+        let simpler = size(own) < size(other);
         let better = z_in > 2.0 && z_out > -2.0 && comparison.total() > 0.0;
-        let as_well = z_in > -2.0 && z_out > 0.0 && comparison.relief > -RELIEF;
+        let as_well = z_in > -2.0 && comparison.is_borne_out() && comparison.relief > -RELIEF;
         let less_stretched = comparison.relieves() && comparison.total() > 0.0;
         better || less_stretched || (simpler && as_well)
     }
@@ -465,6 +469,7 @@ impl Place {
             report,
         );
         self.sharpen();
+        self.soften();
         let shorter = with_shorter_steps(&self.study, &self.current, &self.added, report);
         if let Some(shorter) = shorter {
             (self.study, self.current) = shorter;
@@ -483,6 +488,16 @@ impl Place {
             let study = std::mem::replace(&mut self.study, study);
             let current = std::mem::replace(&mut self.current, sharp);
             self.smooth = Some((study, current));
+        }
+    }
+
+    /// What friction that does not stick leaves where the model has friction that does, is not missing.
+    fn soften(&mut self) {
+        if self.study.may_sharpen
+            && let Some(soft) = softened(&self.study, &self.current, &self.added)
+            && improves(&self.study, (&soft, &self.current), self.added.iter())
+        {
+            self.current = soft;
         }
     }
 }

@@ -4,12 +4,13 @@ use std::sync::Arc;
 
 use super::Means;
 use super::audit::{Masked, excitation};
+use super::comparison::Comparison;
 use super::idle;
 use super::numerics::{is_coarse, sharp};
 use super::pace::Pace;
 use super::scales::scales;
 use super::smooth::{Smoothed, smooth};
-use super::study::{Comparison, Fitted, MOST_SUBSTEPS, Start, Study};
+use super::study::{Fitted, MOST_SUBSTEPS, Start, Study};
 use super::verdict::Excitation;
 use crate::Error;
 use crate::effect::Between;

@@ -3,12 +3,13 @@
 use integrators::event::Direction;
 
 use super::candidate::Candidate;
+use super::comparison::Comparison;
 use super::found::{position, prune, stripped, without};
 use super::numerics::{COUNTS, sharp, shows};
 use super::refine::{does_more, is_sensible};
 use super::search::Search;
 use super::step::Report;
-use super::study::{Comparison, Fitted, Study};
+use super::study::{Fitted, Study};
 use crate::effect::registry;
 use crate::hybrid::Placed;
 

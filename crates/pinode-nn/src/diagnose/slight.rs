@@ -5,12 +5,14 @@
 //! the scores e_w of the model without it are asked, along the whole of the fitted effect: t = Σ e_w / √(Σ e_w²), in the seen windows, which it was
 //! fitted to, and in those held out. Without an effect both are normal, and t_in² + max(t_out, 0)² is beyond T² with a probability below exp(−T²/2).
 
+use super::accept::leading;
+use super::comparison::{Comparison, SLIGHT};
 use super::found::position;
 use super::numerics::sharp;
 use super::refine::{Contender, Standing, rank};
 use super::screen::asked;
-use super::step::{Step, leading};
-use super::study::{Comparison, Fitted, SLIGHT, Study};
+use super::step::Step;
+use super::study::{Fitted, Study};
 
 /// One name in so many is sure by chance, of those with one probe; of those with several, one of whose probes the fit began with, as many fewer.
 const BY_CHANCE: f64 = 3e-4;

@@ -7,9 +7,10 @@
 use rayon::prelude::*;
 
 use super::candidate::Candidate;
+use super::comparison::Comparison;
 use super::found::{Found, position, stripped};
 use super::refine::ITERATIONS;
-use super::study::{Comparison, Fitted, Study};
+use super::study::{Fitted, Study};
 use crate::effect::registry;
 
 /// The springs that are tried, by the frequencies at which motor and joint swing against each other on them, rad/s …

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-pub use super::study::Lack;
-use super::study::lacks;
+pub use super::comparison::Lack;
+use super::comparison::lacks;
 use crate::learnt::law::Law;
 use crate::smoothing::SmoothingError;
 

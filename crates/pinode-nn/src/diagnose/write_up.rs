@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 
 use super::candidate::Candidate;
+use super::comparison::Comparison;
 use super::experiment::{self, Split};
 use super::misfit;
 use super::refine::Contender;
 use super::search::Search;
-use super::study::{Comparison, Fitted, Study};
+use super::study::{Fitted, Study};
 use super::verdict::{
     Alternative, Evidence, FittedConstant, Name, NamedEffect, ParameterValue, Provenance,
     RefinedName, Residual, ScreenedName, SearchStep,

@@ -6,6 +6,7 @@
 use lagrange::Problem;
 
 use super::{Mapping, Run, typical};
+use crate::digits::number;
 use crate::naming::quoted;
 
 /// Samples this far apart, s, are of no mechanism's motion.
@@ -93,8 +94,17 @@ pub(super) fn check(
     }
     if step >= NO_MOTION {
         let unit = if step < LEAST_NS { US } else { NS };
+        let or = match unit.size == US.size {
+            true => format!(
+                "; where samples are {} s apart, it counts ms: {}",
+                number(MILLISECOND * step),
+                cure(&MS)
+            ),
+            false => String::new(),
+        };
         return Err(Problem::general(format!(
-            "{column} goes {step} from sample to sample, at the median, and no motion is seen in samples so many seconds apart; it seems to count {}: {}",
+            "{column} goes {} from sample to sample, at the median, and no motion is seen in samples so many seconds apart; it seems to count {}: {}{or}",
+            number(step),
             unit.name,
             cure(&unit)
         )));

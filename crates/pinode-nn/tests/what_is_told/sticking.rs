@@ -111,3 +111,24 @@ fn known_friction_that_sticks_hides_no_gain_and_stands_for_no_sensor() {
     let gain = effect.parameters["gain"].value;
     assert!((gain + 0.2).abs() < 0.03, "{gain}");
 }
+
+/// As many simulations have it, and a film of oil: below half a rad/s it is viscous. Fitted as friction that sticks it left what only bristles explained,
+/// after minutes.
+#[test]
+fn friction_whose_sign_is_spread_over_the_speeds_of_the_motion_is_said_to_hold_nothing() {
+    const SPREAD: f64 = 0.5;
+    let law = |_, [_, v]: [f64; 2], u| u - VISCOUS * v - 0.05 * (v / SPREAD).tanh();
+    let found = diagnosed(&model(true), log_of_swings(18, law));
+    let [effect] = found.effects.as_slice() else {
+        panic!("{:?}", found.effects);
+    };
+    assert_eq!(effect.kind, "coulomb_friction", "{effect:?}");
+    let force = effect.parameters["force"].value;
+    assert!((force / 0.05 - 1.0).abs() < 0.03, "{force}");
+    assert!(found.gap.after < 1.5, "{:?}", found.gap);
+    let said = "the Coulomb friction on `phi` does not hold it at rest: its sign is spread over ";
+    let said = found.advice.iter().find_map(|a| a.strip_prefix(said));
+    let spread = said.unwrap_or_else(|| panic!("{:?}", found.advice));
+    let spread: f64 = spread.split(' ').next().unwrap().parse().unwrap();
+    assert!((spread / SPREAD).log2().abs() < 0.5, "{spread}");
+}

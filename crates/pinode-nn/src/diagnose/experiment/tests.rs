@@ -9,8 +9,8 @@ use rand_distr::StandardNormal;
 
 use super::menu::{Setup, Shape};
 use super::*;
+use crate::diagnose::comparison::Comparison;
 use crate::diagnose::setup::{Prepared, prepare};
-use crate::diagnose::study::Comparison;
 use crate::diagnose::{Means, audit};
 use crate::log::Log;
 use crate::model::Model;
