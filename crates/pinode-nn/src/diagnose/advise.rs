@@ -86,7 +86,7 @@ pub fn advise(
         };
         advice.push(format!(
             "what is left on `{joint}` follows {}: {therefore}.",
-            left.follows.words(joint)
+            left.words(search.model.hybrid.mechanics().coordinates())
         ));
     } else if verdict != Verdict::NothingMissing && is_unexplained(study, &search.model) {
         let coordinates = search.model.hybrid.mechanics().coordinates();

@@ -214,6 +214,8 @@ impl<'a> Resort<'a> {
             None => [vec![place, speed], ago(0)].concat(),
             Some(Follows::Velocity) => vec![speed],
             Some(Follows::Position) => vec![place],
+            Some(Follows::PositionBeyond) => vec![place, Quantity::Position(c + 1)],
+            Some(Follows::VelocityBeyond) => vec![speed, Quantity::Velocity(c + 1)],
             // A network remembers nothing: what it can know of the past of the motion is where that has led.
             Some(Follows::PositionAndDirection | Follows::PastMotion) => vec![place, speed],
             Some(Follows::Input) => ago(0),

@@ -12,6 +12,7 @@
 //!
 //! φ is taken along the fitted roll-out, not along what was measured: a signal that shares its noise with the residuals explains them always.
 
+use lagrange::Coordinate;
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::linear::{AtWindow, Linearisation};
@@ -52,6 +53,13 @@ pub struct Remainder {
 }
 
 impl Remainder {
+    /// What it follows, in words.
+    pub fn words(&self, coordinates: &[Coordinate]) -> String {
+        let name = |c: usize| coordinates.get(c).map_or("", |c| c.name.as_str());
+        let own = self.coordinate;
+        self.follows.words(name(own), name(own + 1))
+    }
+
     /// Whether it is there beyond doubt.
     pub fn is_significant(&self) -> bool {
         self.exceeds(SIGNIFICANT)

@@ -1,7 +1,9 @@
 //! Shapes of general forces on a joint: functions of what it could follow, along the roll-out of a window.
 
 use super::linear::AtWindow;
+use super::signals::relative;
 use super::study::{Fitted, Study};
+use crate::hybrid::Hybrid;
 use crate::shooting::Window;
 
 /// Points of a curve over a signal.
@@ -28,6 +30,10 @@ pub enum Follows {
     PastInput,
     /// How the joint moved before.
     PastMotion,
+    /// Where the coordinate after it is, from it: then it acts on both.
+    PositionBeyond,
+    /// How fast that changes.
+    VelocityBeyond,
 }
 
 impl Follows {
@@ -41,9 +47,11 @@ impl Follows {
         matches!(self, Follows::Input | Follows::PastInput)
     }
 
-    /// In words, of the joint called `joint`.
-    pub fn words(self, joint: &str) -> String {
+    /// In words, of the joint called `joint`, before the one called `next`.
+    pub fn words(self, joint: &str, next: &str) -> String {
         match self {
+            Follows::PositionBeyond => format!("the position of `{next}` from `{joint}`"),
+            Follows::VelocityBeyond => format!("the velocity of `{next}` from `{joint}`"),
             Follows::Velocity => format!("the velocity of `{joint}`"),
             Follows::Position => format!("the position of `{joint}`"),
             Follows::PositionAndDirection => {
@@ -72,6 +80,8 @@ enum Functions {
     Waves,
     /// Values of an input, so many samples ago.
     Earlier { input: usize },
+    /// The same of what the coordinate after it has more of, on both.
+    Beyond(Signal, Vec<f64>),
     /// Springs that slip where they are stretched by so much; how far they are at every sample of every recording.
     Springs(Vec<(f64, Vec<Vec<f64>>)>),
 }
@@ -87,7 +97,7 @@ enum Signal {
 /// The general forces on every coordinate.
 pub fn shapes(study: &Study, fitted: &Fitted) -> Vec<Shape> {
     let hybrid = &fitted.hybrid;
-    let mut shapes = Vec::new();
+    let mut shapes = between_neighbours(study, hybrid);
     for (c, coordinate) in hybrid.mechanics().coordinates().iter().enumerate() {
         let mut add = |follows, functions: Functions| {
             shapes.push(Shape {
@@ -136,11 +146,50 @@ pub fn shapes(study: &Study, fitted: &Fitted) -> Vec<Shape> {
     shapes
 }
 
+/// Those between two coordinates that follow one another and count alike, where each may count from where it stands: the joints of bodies count from one
+/// another.
+fn between_neighbours(study: &Study, hybrid: &Hybrid) -> Vec<Shape> {
+    let coordinates = match hybrid.links() {
+        [] => hybrid.mechanics().coordinates(),
+        _ => &[],
+    };
+    let of_pair = |(c, _): (usize, String)| {
+        let beyond = |signal: Signal| {
+            let from = study.smoothed.iter().map(|s| signal.beyond(&s.q, &s.v, c));
+            let all: Vec<Vec<f64>> = from.collect();
+            Functions::Beyond(signal, knots(all.iter().map(Vec::as_slice)))
+        };
+        let sorts = [
+            (Follows::PositionBeyond, Signal::Position),
+            (Follows::VelocityBeyond, Signal::Velocity),
+        ];
+        sorts.map(|(follows, signal)| Shape {
+            coordinate: c,
+            follows,
+            functions: beyond(signal),
+        })
+    };
+    relative(coordinates).flat_map(of_pair).collect()
+}
+
+impl Signal {
+    /// By how much it is more of the coordinate after `c`.
+    fn beyond(self, q: &[Vec<f64>], v: &[Vec<f64>], c: usize) -> Vec<f64> {
+        let of = match self {
+            Signal::Velocity => v,
+            _ => q,
+        };
+        let pairs = of[c].iter().zip(&of[c + 1]);
+        pairs.map(|(one, next)| next - one).collect()
+    }
+}
+
 impl Shape {
     /// How many they are.
     pub fn columns(&self) -> usize {
         match &self.functions {
             Functions::Curves(_, knots) => knots.len(),
+            Functions::Beyond(_, knots) => 2 * knots.len(),
             Functions::Waves => 1 + 2 * WAVES,
             Functions::Earlier { .. } => INPUT_AGO.len(),
             Functions::Springs(springs) => springs.len(),
@@ -177,6 +226,16 @@ impl Shape {
                 (0..knots.len())
                     .map(|k| map(&signal, &|x| hat(knots, k, x)))
                     .collect()
+            }
+            Functions::Beyond(signal, knots) => {
+                let ends = match signal {
+                    Signal::Velocity => [of(nv + c), of(nv + c + 1)],
+                    _ => [q, of(c + 1)],
+                };
+                let between: Vec<f64> = ends[0].iter().zip(&ends[1]).map(|(a, b)| b - a).collect();
+                let curves = (0..knots.len()).map(|k| map(&between, &|x| hat(knots, k, x)));
+                let on = |joint: usize| curves.clone().map(move |force| (joint, force));
+                return on(c).chain(on(c + 1)).collect();
             }
             Functions::Waves => {
                 let waves = (1..=WAVES).flat_map(|k| {

@@ -124,7 +124,7 @@ pub fn describe(
         .flat_map(|s| present[s].quantities.clone())
         .collect();
     if let Some(left) = left {
-        let follows = left.follows.words(&residual.coordinate);
+        let follows = left.words(coordinates);
         unexplained.sentences.push(format!(
             "A law is missing that follows {follows}: a curve without a formula, fitted to four fifths of the windows, explains the rest \
              better by {:.2} nats a sample, {:.0} standard errors.",

@@ -74,5 +74,9 @@ fn a_force_between_two_bodies_is_said_to_follow_the_one_from_the_other() {
     let worst = &found.disagreement[0];
     let from = "follows the position of rear from front";
     assert!(worst.r#where.starts_with(from), "{worst:?}");
-    assert!(found.unexplained.is_some(), "{found:?}");
+    let left = found
+        .unexplained
+        .unwrap_or_else(|| panic!("{:?}", found.effects));
+    let follows = left.follows.unwrap_or_default();
+    assert_eq!(follows, "the position of `rear` from `front`");
 }
