@@ -1,6 +1,7 @@
 //! Which of the refined candidates is accepted.
 
 use super::comparison::Comparison;
+use super::numerics::is_soft;
 use super::refine::{Contender, Standing, rank};
 use super::study::{Fitted, Study};
 
@@ -128,7 +129,8 @@ fn is_numerically_sound(study: &Study, current: &Fitted, contender: &Contender) 
     }
     let fine = study.with_half_the_steps();
     let again = |fitted: &Fitted| {
-        let hybrid = fitted.hybrid.with_smoothing_scale(0.5);
+        let from = &fitted.hybrid;
+        let hybrid = from.smoothed_by(0.5, |placed| !is_soft(from, placed));
         let start = fitted.start(fitted.inside.theta.clone());
         fine.fit(hybrid, start, 1, 6)
     };

@@ -146,7 +146,7 @@ fn where_it_is(effect: &NamedEffect, hybrid: &Hybrid) -> Option<String> {
         .position(|link| link.name == effect.target)?;
     let way = hybrid.way_to_centre(link)?;
     Some(format!(
-        "the payload of `{}` is {} m from its joint, on the line through its centre of mass, which is {} m from there.",
+        "the payload on `{}` is {} m from the joint of that body, on the line through the centre of mass, which is {} m from there.",
         effect.target,
         uncertain(way * place.value, place.std.map(|std| way * std)),
         number(way),

@@ -1,4 +1,5 @@
-//! Windows in which nothing happens: they say nothing of a mechanism, and hide from averages how steadily the others speak.
+//! Windows in which nothing happens: where they are most of a log they say the same thing again and again, if anything, and hide from averages how steadily the
+//! others speak.
 
 use crate::shooting::{Observations, Window, consecutive};
 
@@ -102,7 +103,6 @@ pub mod tests {
         );
     }
 
-    /// A wrapped angle that reads on either side of its jump looks like one that moves: it is kept.
     #[test]
     fn a_log_of_rest_alone_has_no_busy_share() {
         let mut observations = a_push();

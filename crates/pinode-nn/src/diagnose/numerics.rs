@@ -125,6 +125,10 @@ fn sharpened(study: &Study, search: &Search) -> Refined {
 /// By how much sticking would move a coordinate from where the smoothed friction of a fitted model has it where that is beyond a `limit`, in units of the
 /// noise, and counts beside what the model leaves.
 pub fn shows(study: &Study, fitted: &Fitted, limit: f64) -> Option<f64> {
+    // Where some of it is known not to stick, what sticking would do is no error.
+    if soft(&fitted.hybrid).next().is_some() {
+        return None;
+    }
     let error = moved_by_sticking(study, fitted, &units(study, fitted, limit))?;
     let worst = error.coordinates.iter().map(|c| c.rms).fold(0.0, f64::max);
     (worst > limit).then_some(worst)
@@ -211,8 +215,13 @@ pub fn softened(study: &Study, fitted: &Fitted, added: &[Candidate]) -> Option<F
 
 /// The dry friction of a fitted model that is spread over more speeds than dry friction is.
 pub fn soft(hybrid: &Hybrid) -> impl Iterator<Item = &Placed> {
-    let effects = hybrid.effects().iter().filter(|placed| is_dry(placed));
-    effects.filter(|placed| placed.smoothing > SOFT * hybrid.default_smoothing(placed.target))
+    let effects = hybrid.effects().iter();
+    effects.filter(|placed| is_soft(hybrid, placed))
+}
+
+/// Whether an effect is dry friction that is spread over more speeds than that is: by no numerical smoothing.
+pub fn is_soft(hybrid: &Hybrid, placed: &Placed) -> bool {
+    is_dry(placed) && placed.smoothing > SOFT * hybrid.default_smoothing(placed.target)
 }
 
 /// Whether shorter steps would move the roll-outs by more than [`STEP_ERROR`], and may be taken.

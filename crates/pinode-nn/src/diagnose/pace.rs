@@ -13,7 +13,7 @@ pub const WINDOW_S: f64 = 0.6;
 const PERIODS: (f64, f64) = (0.5, 5.0);
 /// … and so many of what is fastest in its velocities and inputs.
 const OF_PUSHES: f64 = 1.5;
-/// So many windows are many, so many are few, and with fewer than the last there is no search.
+/// So many windows are many, so many are few, and with fewer than about the last there is no search.
 const MANY: f64 = 90.0;
 const FEW: f64 = 40.0;
 const TOO_FEW: f64 = 18.0;
@@ -32,6 +32,10 @@ const SAMPLES_PER_PERIOD: f64 = 24.0;
 const MOVES: f64 = 10.0;
 /// A signal has crossed its middle when it leaves that by this part of its standard deviation.
 const CROSSED: f64 = 0.2;
+/// … and by so many times its noise, a position and what it goes.
+const NOISY: (f64, f64) = (5.0, 2.0);
+/// Half of the samples go further.
+const HALF: f64 = 0.5;
 /// Fast are the samples beyond this share.
 const FAST: f64 = 0.95;
 /// Rare are those beyond this: an input that steps does not do so often.
@@ -79,13 +83,15 @@ impl Pace {
         let time: f64 = share * durations.iter().sum::<f64>();
         durations.sort_by(f64::total_cmp);
         let typical = durations.get(durations.len() / 2).copied().unwrap_or(0.0);
-        let rate = |signals: &[Vec<f64>]| 0.5 * crossings(signals) as f64 / time;
+        let rate = |signals: &[Vec<f64>], least: f64| 0.5 * crossings(signals, least) as f64 / time;
+        // Of what happens.
+        let of_all = |quantile: f64| 1.0 - (1.0 - quantile) * share;
         let (mut frequency, mut all, mut speeds) = (SLOWEST, SLOWEST, Vec::new());
         let mut jump = 0.0_f64;
         for i in 0..runs.first().map_or(0, |run| run.u.len()) {
             let input: Vec<Vec<f64>> = runs.iter().map(|run| run.u[i].clone()).collect();
-            all = all.max(rate(&input));
-            jump = jump.max(jumps(&input));
+            all = all.max(rate(&input, 0.0));
+            jump = jump.max(jumps(&input, of_all(RARE)));
         }
         let mut means = f64::INFINITY;
         let positions = observations.channels.iter().enumerate();
@@ -98,14 +104,14 @@ impl Pace {
             let moves = time > 0.0 && spans(&y) > MOVES * channel.noise;
             speeds.push(f64::INFINITY);
             if moves {
-                let (ways, span) = ways(&y, channel.noise);
+                let (ways, span) = ways(&y, channel.noise, of_all(HALF));
                 let over = span as f64 * interval;
-                speeds[c] = usual_size(&ways, FAST) / over;
+                speeds[c] = usual_size(&ways, of_all(FAST)) / over;
                 let bends: Vec<Vec<f64>> = ways.iter().map(|ways| after(ways, span)).collect();
-                let acceleration = usual_size(&bends, FAST) / over.powi(2);
+                let acceleration = usual_size(&bends, of_all(FAST)) / over.powi(2);
                 means = means.min((8.0 * OF_NOISE * channel.noise / (jump * acceleration)).sqrt());
-                frequency = frequency.max(rate(&y));
-                all = all.max(rate(&ways));
+                frequency = frequency.max(rate(&y, NOISY.0 * channel.noise));
+                all = all.max(rate(&ways, NOISY.1 * channel.noise));
             }
         }
         let [half, longest] = [PERIODS.0, PERIODS.1].map(|periods| periods / frequency);
@@ -196,14 +202,14 @@ fn duration(run: &ObservedRun) -> f64 {
     }
 }
 
-/// The jumps of an input from sample to sample that few exceed, in parts of its standard deviation; 1 at most.
-fn jumps(input: &[Vec<f64>]) -> f64 {
+/// The jumps of an input from sample to sample that this share does not exceed, in parts of its standard deviation; 1 at most.
+fn jumps(input: &[Vec<f64>], share: f64) -> f64 {
     let all = || input.iter().flatten();
     let count = all().count().max(1) as f64;
     let mean = all().sum::<f64>() / count;
     let deviation = (all().map(|u| (u - mean).powi(2)).sum::<f64>() / count).sqrt();
     let jumps: Vec<Vec<f64>> = input.iter().map(|of_run| after(of_run, 1)).collect();
-    (usual_size(&jumps, RARE) / deviation.max(f64::MIN_POSITIVE)).min(1.0)
+    (usual_size(&jumps, share) / deviation.max(f64::MIN_POSITIVE)).min(1.0)
 }
 
 /// By how much a signal is another one so many samples later.
@@ -220,21 +226,21 @@ fn usual_size(signal: &[Vec<f64>], share: f64) -> f64 {
     sizes.get(place).copied().unwrap_or(0.0)
 }
 
-/// How far positions go over as few samples as make that more than their noise, and how many those are.
-fn ways(y: &[Vec<f64>], noise: f64) -> (Vec<Vec<f64>>, usize) {
+/// How far positions go over as few samples as make that more than their noise in all but this share, and how many those are.
+fn ways(y: &[Vec<f64>], noise: f64, share: f64) -> (Vec<Vec<f64>>, usize) {
     let longest = y.iter().map(Vec::len).max().unwrap_or(0) / 8;
     let mut span = 1;
     loop {
         let ways: Vec<Vec<f64>> = y.iter().map(|y| after(y, span)).collect();
-        if usual_size(&ways, 0.5) > MOVES * noise || 2 * span > longest {
+        if usual_size(&ways, share) > MOVES * noise || 2 * span > longest {
             return (ways, span);
         }
         span *= 2;
     }
 }
 
-/// How often a signal crosses its middle.
-fn crossings(signal: &[Vec<f64>]) -> usize {
+/// How often a signal crosses its middle, by `least` or more.
+fn crossings(signal: &[Vec<f64>], least: f64) -> usize {
     let mut crossings = 0;
     for y in signal {
         let n = y.len().max(1) as f64;
@@ -243,7 +249,7 @@ fn crossings(signal: &[Vec<f64>]) -> usize {
         let mut side = 0.0;
         for y in y {
             let now = y - mean;
-            if now.abs() > CROSSED * deviation {
+            if now.abs() > least.max(CROSSED * deviation) {
                 if side * now < 0.0 {
                     crossings += 1;
                 }
@@ -312,10 +318,13 @@ mod tests {
         let swings = swing(1.2, 0.01, 600.0);
         let mut rests = swings.clone();
         let run = &mut rests.runs[0];
-        for k in (0..run.t.len()).filter(|k| k % 6000 >= 150) {
-            run.u[0][k] = 0.0;
-            run.y[0][k] = 0.0;
+        for k in 0..run.t.len() {
+            let moves = f64::from(u8::from(k % 6000 < 150));
+            // A fiftieth of the swing is noise.
+            run.y[0][k] = moves * run.y[0][k] + 0.02 * crate::bins::pseudo(k, 0.3);
+            run.u[0][k] *= moves;
         }
+        rests.channels[0].noise = 0.02;
         let (swings, rests) = (Pace::of(&swings), Pace::of(&rests));
         assert!(rests.rests() && !swings.rests());
         assert_eq!(rests.window(), swings.window());

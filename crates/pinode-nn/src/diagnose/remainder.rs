@@ -30,7 +30,8 @@ const SPANNED: f64 = 1e-8;
 const SIGNIFICANT: (f64, f64) = (0.05, 4.0);
 /// From so much on it is worth a search, where nothing was found before and where something was.
 const HINT: [(f64, f64); 2] = [(0.02, 1.0), (0.05, 2.0)];
-/// A law of the present is one of the past as well: it is taken for the past's only where that explains so many times what the present does.
+/// A law of the present is one of the past as well: it is taken for the past's only where that explains so many times what the present does. The same of one on a
+/// coordinate and one between two.
 const OF_PAST: f64 = 1.3;
 /// What the input explains is the input's where it is so many times what the motion explains, which follows the input.
 const OF_INPUT: f64 = 1.3;
@@ -113,6 +114,10 @@ pub fn remainder(study: &Study, fitted: &Fitted) -> Option<Remainder> {
         .into_iter()
         .find(|counts| explained.iter().any(counts))?;
     explained.retain(counts);
+    // A force between two coordinates does what one on either of them does.
+    let alone = explained.iter().filter(|r| !r.follows.is_between());
+    let alone = alone.map(|r| r.gain).fold(0.0, f64::max);
+    explained.retain(|r| !r.follows.is_between() || r.gain > OF_PAST * alone);
     let best_of = |past: bool| {
         let some = explained.iter().filter(|r| r.follows.is_past() == past);
         some.max_by(|a, b| a.gain.total_cmp(&b.gain))

@@ -63,13 +63,12 @@ pub fn prepare(
         false => observations.thinned(pace.closest_samples()),
     };
     let windows = cut(&observations, fit_runs, masked, &pace);
-    let needed = (FEWEST_WINDOWS, FEWEST_WINDOWS / 2);
-    if windows.fit.len() < needed.0 || windows.held_out.len() < needed.1 {
+    if !are_enough(&windows) {
         return Err(Error::TooShort {
             window: pace.window(),
             fit: windows.fit.len(),
             held_out: windows.held_out.len(),
-            needed,
+            needed: (FEWEST_WINDOWS, FEWEST_WINDOWS / 2),
         });
     }
     let wraps = hybrid.wraps();
@@ -149,23 +148,33 @@ pub fn prepare(
     })
 }
 
-/// The windows of what was observed. A log that rests most of the time has those in which something happens, the last quarter of which is held out, wherever in
-/// it that is; unless the recordings say which.
+/// The windows of what was observed. Of a log that rests most of the time, those in which something happens, the last quarter of them held out unless the
+/// recordings say which; all of them where those are too few.
 fn cut(observations: &Observations, fit_runs: usize, masked: &Masked, pace: &Pace) -> Windows {
     let mut windows = Windows::cut(observations, fit_runs, pace.window());
     for part in [&mut windows.fit, &mut windows.held_out] {
         *part = masked.leave(std::mem::take(part), observations);
-        if pace.rests() {
-            *part = idle::busy(observations, part);
-        }
     }
-    if pace.rests() && Windows::are_split_in_time(observations.runs.len(), fit_runs) {
-        windows.hold_out_a_quarter();
+    if pace.rests() {
+        let mut busy = Windows {
+            fit: idle::busy(observations, &windows.fit),
+            held_out: idle::busy(observations, &windows.held_out),
+        };
+        if Windows::are_split_in_time(observations.runs.len(), fit_runs) {
+            busy = busy.split_by_number();
+        }
+        if are_enough(&busy) {
+            windows = busy;
+        }
     }
     Windows {
         fit: spread_over(windows.fit, MOST_WINDOWS),
         held_out: spread_over(windows.held_out, MOST_WINDOWS / 3),
     }
+}
+
+fn are_enough(windows: &Windows) -> bool {
+    windows.fit.len() >= FEWEST_WINDOWS && windows.held_out.len() >= FEWEST_WINDOWS / 2
 }
 
 /// At most `most` of the windows, evenly spread in pairs.

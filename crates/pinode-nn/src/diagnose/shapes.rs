@@ -47,6 +47,11 @@ impl Follows {
         matches!(self, Follows::Input | Follows::PastInput)
     }
 
+    /// Whether it is what is between two coordinates.
+    pub fn is_between(self) -> bool {
+        matches!(self, Follows::PositionBeyond | Follows::VelocityBeyond)
+    }
+
     /// In words, of the joint called `joint`, before the one called `next`.
     pub fn words(self, joint: &str, next: &str) -> String {
         match self {
@@ -169,7 +174,10 @@ fn between_neighbours(study: &Study, hybrid: &Hybrid) -> Vec<Shape> {
             functions: beyond(signal),
         })
     };
-    relative(coordinates).flat_map(of_pair).collect()
+    // Of what is folded nobody knows how far it is from the next.
+    let is_plain = |(c, _): &(usize, String)| !coordinates[*c].wraps && !coordinates[c + 1].wraps;
+    let pairs = relative(coordinates).filter(is_plain);
+    pairs.flat_map(of_pair).collect()
 }
 
 impl Signal {

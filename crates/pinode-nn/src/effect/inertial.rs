@@ -3,7 +3,7 @@
 use std::fmt;
 
 use lagrange::Mechanics;
-use lagrange::mechanism::Tree;
+use lagrange::mechanism::{Body, Tree};
 use nalgebra::{Cholesky, Vector3};
 
 use crate::entries::starts;
@@ -14,6 +14,11 @@ const VERTICAL: f64 = 1e-6;
 /// The share of an inertia by which a screen probes for more of it: what the free constants leave of a change that they imitate is far less
 /// than what of it is not linear, unless it is small.
 pub(super) const PROBE: f64 = 1e-4;
+
+/// A payload is so many times as far from the joint as the centre of mass at most: what is farther is a rotor.
+pub(super) const FARTHEST: f64 = 10.0;
+/// A centre of mass that is closer to the joint than this part of the body's radius of gyration is there.
+const CENTRED: f64 = 1e-6;
 
 /// What is taken from a mass leaves at least this share of it: nothing moves without mass.
 const LEFT: f64 = 0.1;
@@ -138,7 +143,18 @@ pub enum Misplaced {
     },
 }
 
+/// Whether the centre of mass of a body is where its joint is.
+fn is_centred(body: &Body) -> bool {
+    let gyration = (body.inertia.trace() / body.mass.max(f64::MIN_POSITIVE)).sqrt();
+    body.centre.norm() <= CENTRED * gyration
+}
+
 impl Inertial {
+    /// Whether its parameters make it what it is called.
+    pub(super) fn is_itself(self, p: &[f64]) -> bool {
+        self != Inertial::Payload || (p[0] > 0.0 && p[1] > 0.0 && p[1] < FARTHEST)
+    }
+
     /// How much it may take from the mechanism on `target`, a coordinate or a link, kg or kg·m²: nine tenths of the mass of the link's body, or of what the
     /// coordinate moves where all else gives way, 1/(M⁻¹)_jj at the neutral configuration.
     pub(crate) fn may_take(
@@ -208,7 +224,7 @@ impl Inertial {
                         change: self,
                         link: name(),
                     }),
-                    Some(body) if self == Inertial::Payload && body.centre.norm() == 0.0 => {
+                    Some(body) if self == Inertial::Payload && is_centred(body) => {
                         Err(Misplaced::Centred { link: name() })
                     }
                     Some(_) => Ok(()),

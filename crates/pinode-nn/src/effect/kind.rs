@@ -134,7 +134,8 @@ impl Kind {
         match self.action {
             Action::Joint(law) => law.is_itself(scales, p),
             Action::Memory(law) | Action::Transmission(law) => law.is_itself(scales, p),
-            Action::Drive(_) | Action::Sensor(_) | Action::Inertial(_) => true,
+            Action::Inertial(change) => change.is_itself(p),
+            Action::Drive(_) | Action::Sensor(_) => true,
         }
     }
 

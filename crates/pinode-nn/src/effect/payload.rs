@@ -6,10 +6,8 @@
 //! m in kg, s as a number: 1 is the centre of mass, 2 the end of a slender rod that hangs on its own. What an arm holds, a tool, a cable's end; negative masses are
 //! [`added_mass`](super::added_mass)'s. Confused with that where the place does not show, and with `reflected_inertia` where neither weight does.
 
-use super::{Action, Family, Inertial, Kind, ParameterSpec, Probe, Quantity, inertial::PROBE};
-
-/// A payload is this far from the joint at most: what is farther is a rotor.
-const FARTHEST: f64 = 10.0;
+use super::inertial::{FARTHEST, PROBE};
+use super::{Action, Family, Inertial, Kind, ParameterSpec, Probe, Quantity};
 
 /// The kind `payload`.
 pub static KIND: Kind = Kind {
@@ -31,7 +29,9 @@ pub static KIND: Kind = Kind {
         match contained.first() {
             // Beside a mass that is there its place alone is new.
             Some(&mass) if mass > 0.0 => vec![probe([mass, 1.0], [mass, 1.0 + PROBE])],
-            _ => [0.5, 2.0, 4.0]
+            // What takes mass away is held by nobody.
+            Some(_) => Vec::new(),
+            None => [0.5, 2.0, 4.0]
                 .map(|place| probe([0.0, place], [step, place]))
                 .to_vec(),
         }

@@ -164,6 +164,9 @@ mod tests {
                 told.contains(&format!("`t = {{ column = \"stamp\", scale = {scale} }}`")),
                 "{told}"
             );
+            // Ten seconds between samples are possible.
+            let or = "samples are 20.0 s apart, it counts ms: for ms write `t = { column = \"stamp\", scale = 1e-3 }`";
+            assert_eq!(told.contains(or), (first, step) == (0.0, 2e4), "{told}");
         }
     }
 

@@ -67,12 +67,17 @@ impl Windows {
         first_held_out >= runs && runs < FEW_RECORDINGS
     }
 
-    /// Holds out the last of the windows that are fitted until a quarter of all are held out, where they are fewer.
-    pub fn hold_out_a_quarter(&mut self) {
-        let all = self.fit.len() + self.held_out.len();
-        let missing = all.div_ceil(4).saturating_sub(self.held_out.len());
-        let later = self.fit.split_off(self.fit.len() - missing);
-        self.held_out.splice(0..0, later);
+    /// The same windows, the last quarter of each recording's held out, by their number.
+    pub fn split_by_number(self) -> Self {
+        let mut all = [self.fit, self.held_out].concat();
+        all.sort_by_key(|window| (window.run, window.first));
+        let (mut fit, mut held_out) = (Vec::new(), Vec::new());
+        for of_run in all.chunk_by(|one, next| one.run == next.run) {
+            let (early, late) = of_run.split_at(of_run.len() - of_run.len().div_ceil(4));
+            fit.extend_from_slice(early);
+            held_out.extend_from_slice(late);
+        }
+        Windows { fit, held_out }
     }
 }
 
@@ -154,30 +159,28 @@ mod tests {
     }
 
     #[test]
-    fn the_last_windows_are_held_out_where_fewer_than_a_quarter_are() {
-        let window = |k: usize| Window {
-            run: 0,
+    fn the_last_quarter_of_each_recordings_windows_is_held_out_wherever_they_are() {
+        let window = |run: usize, k: usize| Window {
+            run,
             first: 30 * k,
             count: 30,
         };
-        let split = |fit: usize, all: usize| {
-            let mut windows = Windows {
-                fit: (0..fit).map(window).collect(),
-                held_out: (fit..all).map(window).collect(),
-            };
-            windows.hold_out_a_quarter();
-            assert_eq!(
-                windows.fit,
-                (0..windows.fit.len()).map(window).collect::<Vec<_>>()
-            );
-            let rest = (windows.fit.len()..all).map(window).collect::<Vec<_>>();
-            assert_eq!(windows.held_out, rest);
-            windows.fit.len()
+        // Nothing happens in the first recording before its last quarter, and in the second one behind its first.
+        let late = (80..92).map(|k| window(0, k));
+        let early = (0..5).map(|k| window(1, k));
+        let split = Windows {
+            fit: early.collect(),
+            held_out: late.collect(),
         };
-        assert_eq!(split(12, 15), 11);
-        assert_eq!(split(15, 15), 11);
-        assert_eq!(split(9, 15), 9, "more than a quarter stays");
-        assert_eq!(split(0, 0), 0);
+        let split = split.split_by_number();
+        let of = |all: &[Window], run: usize| -> Vec<usize> {
+            let own = all.iter().filter(|w| w.run == run);
+            own.map(|w| w.first / 30).collect()
+        };
+        assert_eq!(of(&split.fit, 0), (80..89).collect::<Vec<_>>());
+        assert_eq!(of(&split.held_out, 0), [89, 90, 91]);
+        assert_eq!(of(&split.fit, 1), [0, 1, 2]);
+        assert_eq!(of(&split.held_out, 1), [3, 4]);
     }
 
     #[test]

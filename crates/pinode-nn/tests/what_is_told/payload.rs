@@ -150,7 +150,7 @@ fn what_an_arm_holds_is_a_payload_with_its_mass_and_its_place() {
     let said = found
         .advice
         .iter()
-        .find(|a| a.contains("the payload of `fore` is 0.3"));
+        .find(|a| a.contains("the payload on `fore` is 0.3"));
     assert!(said.is_some(), "{:?}", found.advice);
 }
 

@@ -76,7 +76,7 @@ pub fn overstated(model: &Model, study: &Study, fitted: &Fitted) -> Option<Overs
         let noise = of_sensor(left, declared, quantum, (&readings, least));
         let as_declared = declared.is_some_and(|declared| {
             let most = MORE_THAN_DECLARED * declared.hypot(quantum);
-            channel.noise > most && noise <= most
+            channel.noise > most && left <= MORE_THAN_DECLARED * declared
         });
         if as_declared || noise < FAR_LESS * channel.noise {
             channel.noise = noise;

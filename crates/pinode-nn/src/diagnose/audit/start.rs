@@ -6,10 +6,12 @@ use crate::log::Run;
 use crate::model::Model;
 use crate::shooting::Channel;
 
-/// In a rest the model moves by so many times what is still: where a joint turns round, it is a few times.
+/// In a rest the model moves by so many times what is still, and by so many in one after another that is dead: where a joint turns round under a constant force it is
+/// six times, (√2 + 2)²/2.
 const WOULD_MOVE: f64 = 30.0;
-/// … and by this part of what the input does to it by itself: one that holds a weight up is at work and moves nothing.
-const BY_THE_INPUT: f64 = 0.5;
+const STILL_DEAD: f64 = 10.0;
+/// … and by this part of how it would move without its inputs: one that holds a weight up is at work and moves nothing.
+const OF_A_FALL: f64 = 0.5;
 
 /// The first sample of each recording that counts: behind a dead start, in which an input as large as those that move the mechanism
 /// later does not move it, as it would the model. Every recording must have one: a joint that sticks rests now and then.
@@ -19,6 +21,9 @@ pub fn dead_starts(
     channels: &[Channel],
     faults: &mut Vec<DataFault>,
 ) -> Vec<usize> {
+    if runs.len() < 2 {
+        return vec![0; runs.len()];
+    }
     for (i, input) in model.inputs.iter().enumerate() {
         // What pushes a link may balance others, or push another coordinate.
         let Some(c) = input.coordinate() else {
@@ -29,12 +34,19 @@ pub fn dead_starts(
             .iter()
             .filter_map(|run| {
                 let rests = rests(&run.q[c], &run.u[i], noise);
-                let mut rests = rests.iter().rev();
-                let dead = rests.find(|rest| would_move(model, run, c, rest))?;
-                Some(dead.end)
+                // What creeps while it is dead rests again and again.
+                rests.iter().fold(None, |end, rest| {
+                    let least = if end.is_some() {
+                        STILL_DEAD
+                    } else {
+                        WOULD_MOVE
+                    };
+                    let is_dead = would_move(model, run, c, rest, least);
+                    if is_dead { Some(rest.end) } else { end }
+                })
             })
             .collect();
-        if runs.len() > 1 && ends.len() == runs.len() {
+        if ends.len() == runs.len() {
             let coordinate = &model.mechanics.coordinates()[c].name;
             faults.push(DataFault {
                 kind: "dead_start".into(),
@@ -64,15 +76,16 @@ struct Rest {
     still: f64,
 }
 
-/// Whether the model would leave where it rests. `true` where it cannot say.
-fn would_move(model: &Model, run: &Run, c: usize, rest: &Rest) -> bool {
+/// Whether the model would leave where it rests, if its friction let it. `true` where it cannot say: of poses, and where an input acts through something that
+/// remembers.
+fn would_move(model: &Model, run: &Run, c: usize, rest: &Rest, least: f64) -> bool {
     let hybrid = Hybrid::of(model);
     let n = hybrid.nv();
-    if hybrid.nq() != n || run.q.len() != n {
+    if hybrid.nq() != n || run.q.len() != n || hybrid.nh() > 0 {
         return true;
     }
     let theta = hybrid.theta();
-    let (still, h) = (vec![0.0; n], vec![0.0; hybrid.nh()]);
+    let still = vec![0.0; n];
     let silent: Vec<Vec<f64>> = run.u.iter().map(|u| vec![0.0; u.len()]).collect();
     let mut memory = hybrid.memory(&[]);
     // How far it goes from rest, by the acceleration at each reading.
@@ -84,7 +97,7 @@ fn would_move(model: &Model, run: &Run, c: usize, rest: &Rest) -> bool {
             let state = State {
                 q: &q,
                 v: &still,
-                h: &h,
+                h: &[],
             };
             hybrid
                 .acceleration(state, &theta, &inputs, k, &mut memory)
@@ -99,7 +112,7 @@ fn would_move(model: &Model, run: &Run, c: usize, rest: &Rest) -> bool {
     let (Some(by_all), Some(without)) = (goes(&run.u), goes(&silent)) else {
         return true;
     };
-    by_all > WOULD_MOVE * rest.still && by_all > BY_THE_INPUT * without
+    by_all > least * rest.still && by_all > OF_A_FALL * without
 }
 
 /// The rests under full input that begin in the first quarter of a recording, of at least ten samples.

@@ -267,6 +267,7 @@ fn meant(model: &Model, logs: &[Log], report: &dyn Fn(&str)) -> Meant {
     // In a mirror all signs are others, and many a mechanism moves as before.
     let in_mirror = mirrored(model, &readings);
     if readings.iter().any(|r| r.scale < 0.0)
+        && !others.contains(&in_mirror)
         && windows.score(&windows.shares(&in_mirror)) < windows.score(&left) + AS_GOOD.ln()
     {
         others.push(in_mirror);

@@ -282,19 +282,28 @@ fn exchanged_coordinates_and_exchanged_inputs_are_read_as_they_are_meant() {
             x = std::array::from_fn(|i| x[i] + h * v[i]);
         }
     }
-    let log = |order: [usize; 4]| {
+    let logged = |order: [usize; 4], signs: [f64; 4]| {
         let mut text = "t,q.a,q.b,u.left,u.right\n".to_owned();
         for (k, row) in rows.iter().enumerate() {
-            let [a, b, left, right] = order.map(|i| row[i]);
+            let [a, b, left, right] = std::array::from_fn(|i| signs[i] * row[order[i]]);
             text += &format!("{:.2},{a},{b},{left},{right}\n", k as f64 * 0.02);
         }
         parsed(&model, &text, false)
     };
+    let log = |order: [usize; 4]| logged(order, [1.0; 4]);
     assert_eq!(found(&model, &log([0, 1, 2, 3])), [""; 0]);
     let blocks = ["q.a = \"q.b\"", "q.b = \"q.a\""];
     assert_eq!(found(&model, &log([1, 0, 2, 3])), blocks);
     let motors = ["u.left = \"u.right\"", "u.right = \"u.left\""];
     assert_eq!(found(&model, &log([0, 1, 3, 2])), motors);
+    // One block with its motor the other way round is, in a mirror, the other one.
+    let logs = [logged([0, 1, 2, 3], [1.0, -1.0, 1.0, -1.0])];
+    let faults = as_meant(&model, &logs, &[], &|_| ()).unwrap().faults;
+    let columns: Vec<&str> = faults.iter().map(|f| f.column.as_str()).collect();
+    assert_eq!(columns, ["q.a", "u.left"]);
+    let other =
+        "or else, as well: `q.b` counts the other way round, `u.right` counts the other way round;";
+    assert!(faults[0].detail.contains(other), "{}", faults[0].detail);
 }
 
 /// Its motor alone acts the other way round: that is an effect, which the search finds.
