@@ -122,6 +122,7 @@ pub fn advise(
         false => Vec::new(),
     };
     advice.extend(soft.iter().map(|placed| does_not_stick(placed, hybrid)));
+    // Where some of it does not stick, what all of it would do if it did says nothing.
     let sticking = numerics.set_valued.iter().flat_map(|s| s.visible());
     for moved in sticking.filter(|_| soft.is_empty()) {
         let from = moved.starts.map_or(String::new(), |start| {

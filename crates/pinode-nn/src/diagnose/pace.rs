@@ -140,7 +140,7 @@ impl Pace {
         }
     }
 
-    /// Whether nothing happens most of the time: windows of that say nothing.
+    /// Whether nothing happens most of the time.
     pub fn rests(&self) -> bool {
         self.rests
     }

@@ -493,11 +493,14 @@ impl Place {
 
     /// What friction that does not stick leaves where the model has friction that does, is not missing.
     fn soften(&mut self) {
-        if self.study.may_sharpen
+        let pushed = self.current.hybrid.effects().iter().any(is_push);
+        if !pushed
+            && self.study.may_sharpen
             && let Some(soft) = softened(&self.study, &self.current, &self.added)
             && improves(&self.study, (&soft, &self.current), self.added.iter())
         {
             self.current = soft;
+            self.smooth = None;
         }
     }
 }

@@ -112,8 +112,7 @@ fn known_friction_that_sticks_hides_no_gain_and_stands_for_no_sensor() {
     assert!((gain + 0.2).abs() < 0.03, "{gain}");
 }
 
-/// As many simulations have it, and a film of oil: below half a rad/s it is viscous. Fitted as friction that sticks it left what only bristles explained,
-/// after minutes.
+/// As many simulations have it, and a film of oil: below half a rad/s it is viscous.
 #[test]
 fn friction_whose_sign_is_spread_over_the_speeds_of_the_motion_is_said_to_hold_nothing() {
     const SPREAD: f64 = 0.5;

@@ -1,7 +1,7 @@
 //! Recordings that start before the input acts.
 
 use super::super::verdict::DataFault;
-use crate::hybrid::{Hybrid, State};
+use crate::hybrid::{DrivenInputs, Hybrid, State};
 use crate::log::Run;
 use crate::model::Model;
 use crate::shooting::Channel;
@@ -24,6 +24,8 @@ pub fn dead_starts(
     if runs.len() < 2 {
         return vec![0; runs.len()];
     }
+    let hybrid = Hybrid::of(model);
+    let theta = hybrid.theta();
     for (i, input) in model.inputs.iter().enumerate() {
         // What pushes a link may balance others, or push another coordinate.
         let Some(c) = input.coordinate() else {
@@ -34,6 +36,10 @@ pub fn dead_starts(
             .iter()
             .filter_map(|run| {
                 let rests = rests(&run.q[c], &run.u[i], noise);
+                if rests.is_empty() {
+                    return None;
+                }
+                let fall = Fall::of(&hybrid, &theta, run, c);
                 // What creeps while it is dead rests again and again.
                 rests.iter().fold(None, |end, rest| {
                     let least = if end.is_some() {
@@ -41,7 +47,7 @@ pub fn dead_starts(
                     } else {
                         WOULD_MOVE
                     };
-                    let is_dead = would_move(model, run, c, rest, least);
+                    let is_dead = fall.as_ref().is_none_or(|fall| fall.leaves(rest, least));
                     if is_dead { Some(rest.end) } else { end }
                 })
             })
@@ -76,43 +82,70 @@ struct Rest {
     still: f64,
 }
 
-/// Whether the model would leave where it rests, if its friction let it. `true` where it cannot say: of poses, and where an input acts through something that
-/// remembers.
-fn would_move(model: &Model, run: &Run, c: usize, rest: &Rest, least: f64) -> bool {
-    let hybrid = Hybrid::of(model);
-    let n = hybrid.nv();
-    if hybrid.nq() != n || run.q.len() != n || hybrid.nh() > 0 {
-        return true;
+/// A recording from whose readings the model falls, with its inputs and without them.
+struct Fall<'a> {
+    hybrid: &'a Hybrid,
+    theta: &'a [f64],
+    run: &'a Run,
+    coordinate: usize,
+    driven: DrivenInputs,
+    silent: DrivenInputs,
+}
+
+impl<'a> Fall<'a> {
+    /// `None` where the model cannot say: of poses, and where an input acts through something that remembers.
+    fn of(hybrid: &'a Hybrid, theta: &'a [f64], run: &'a Run, coordinate: usize) -> Option<Self> {
+        let n = hybrid.nv();
+        if hybrid.nq() != n || run.q.len() != n || hybrid.nh() > 0 {
+            return None;
+        }
+        let silent: Vec<Vec<f64>> = run.u.iter().map(|u| vec![0.0; u.len()]).collect();
+        let drive = |u: &[Vec<f64>]| hybrid.drive(&run.t, u, 1, theta, &[]);
+        Some(Fall {
+            driven: drive(&run.u),
+            silent: drive(&silent),
+            hybrid,
+            theta,
+            run,
+            coordinate,
+        })
     }
-    let theta = hybrid.theta();
-    let still = vec![0.0; n];
-    let silent: Vec<Vec<f64>> = run.u.iter().map(|u| vec![0.0; u.len()]).collect();
-    let mut memory = hybrid.memory(&[]);
-    // How far it goes from rest, by the acceleration at each reading.
-    let mut goes = |u: &[Vec<f64>]| -> Option<f64> {
-        let inputs = hybrid.drive(&run.t, u, 1, &theta, &[]);
+
+    /// How far it goes from rest, by the acceleration at each reading.
+    fn goes(&self, inputs: &DrivenInputs, rest: &Rest) -> Option<f64> {
+        let (t, still) = (&self.run.t, vec![0.0; self.hybrid.nv()]);
+        let mut memory = self.hybrid.memory(&[]);
         let (mut x, mut v, mut farthest) = (0.0_f64, 0.0, 0.0_f64);
-        for k in rest.from..rest.end.min(run.t.len() - 1) {
-            let q: Vec<f64> = run.q.iter().map(|q| q[k]).collect();
+        for k in rest.from..rest.end.min(t.len() - 1) {
+            let q: Vec<f64> = self.run.q.iter().map(|q| q[k]).collect();
             let state = State {
                 q: &q,
                 v: &still,
                 h: &[],
             };
-            hybrid
-                .acceleration(state, &theta, &inputs, k, &mut memory)
-                .ok()?;
-            let interval = run.t[k + 1] - run.t[k];
-            v += interval * memory.acceleration[c];
+            let rolled = self
+                .hybrid
+                .acceleration(state, self.theta, inputs, k, &mut memory);
+            rolled.ok()?;
+            let interval = t[k + 1] - t[k];
+            v += interval * memory.acceleration[self.coordinate];
             x += interval * v;
+            if !x.is_finite() {
+                return None;
+            }
             farthest = farthest.max(x.abs());
         }
-        farthest.is_finite().then_some(farthest)
-    };
-    let (Some(by_all), Some(without)) = (goes(&run.u), goes(&silent)) else {
-        return true;
-    };
-    by_all > least * rest.still && by_all > OF_A_FALL * without
+        Some(farthest)
+    }
+
+    /// Whether the model would leave where it rests by so many times what is still, if its friction let it. `true` where it cannot say.
+    fn leaves(&self, rest: &Rest, least: f64) -> bool {
+        let falls = |inputs| self.goes(inputs, rest);
+        let (Some(by_all), Some(without)) = (falls(&self.driven), falls(&self.silent)) else {
+            return true;
+        };
+        by_all > least * rest.still && by_all > OF_A_FALL * without
+    }
 }
 
 /// The rests under full input that begin in the first quarter of a recording, of at least ten samples.
