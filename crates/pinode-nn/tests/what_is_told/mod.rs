@@ -82,15 +82,16 @@ fn two_delays_of_two_days_are_both_said() {
 }
 
 #[test]
-fn an_input_of_the_wrong_sign_is_said_to_be_reversed() {
+fn an_input_of_the_wrong_sign_is_said_to_count_the_other_way_round() {
     let found = diagnosed(&model(false), log(1, |_, [_, v], u| -u - VISCOUS * v));
-    let [effect] = found.effects.as_slice() else {
-        panic!("{:?}", found.effects);
+    let [fault] = found.data_faults.as_slice() else {
+        panic!("{:?}", found.data_faults);
     };
-    assert_eq!(effect.kind, "input_gain_error");
-    let gain = effect.parameters["gain"].value;
-    assert!((gain + 2.0).abs() < 0.03, "{gain}");
-    assert!(advises(&found, "the other way round"), "{:?}", found.advice);
+    assert_eq!(
+        (fault.kind.as_str(), fault.column.as_str()),
+        ("convention", "u.torque")
+    );
+    assert_eq!(found.verdict, Verdict::DataFault);
     assert!(found.gap.after < 3.0, "{:?}", found.gap);
 }
 

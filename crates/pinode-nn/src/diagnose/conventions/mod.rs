@@ -9,6 +9,7 @@
 //! effect leaves a few hundredths; one that is told the wrong sign a good part of the motion.
 
 mod reading;
+mod signs;
 #[cfg(test)]
 mod tests;
 mod windows;
@@ -201,13 +202,16 @@ impl Otherwise {
                 ),
             };
             let [before, after] = self.shares.map(|share| 100.0 * share);
+            let as_it_is = match before.is_finite() {
+                true => format!("and {before:.0} % as it is"),
+                false => "and diverges from it as it is".into(),
+            };
             DataFault {
                 kind: CONVENTION.into(),
                 column: name(reading, model),
                 when: Vec::new(),
                 detail: format!(
-                    "{whose}{}: read as it is meant, the model leaves {after:.1} % of the motion in short windows at most, and {before:.0} % as it is{or}; \
-                     {so}",
+                    "{whose}{}: read as it is meant, the model leaves {after:.1} % of the motion in short windows at most, {as_it_is}{or}; {so}",
                     words(reading, model),
                 ),
             }
@@ -231,7 +235,11 @@ fn meant(model: &Model, logs: &[Log], report: &dyn Fn(&str)) -> Meant {
     let mut others = Vec::new();
     while windows.worst(&left) > WELL {
         let with = |change: &Change| -> Vec<Reading> { [&readings[..], change].concat() };
-        let mut tried = tried_ways(&windows, singles.iter().map(with).collect());
+        let mut ways: Vec<Vec<Reading>> = singles.iter().map(with).collect();
+        if readings.is_empty() {
+            ways.extend(signs::likely(&windows, model));
+        }
+        let mut tried = tried_ways(&windows, ways);
         let helps = |tried: &[Tried]| tried.iter().any(|t| explains_more(&windows, &left, t));
         let pairs = singles.len() * singles.len() / 2;
         if readings.is_empty() && !helps(&tried) && pairs <= MOST_PAIRS {
@@ -249,11 +257,7 @@ fn meant(model: &Model, logs: &[Log], report: &dyn Fn(&str)) -> Meant {
         let score = |t: &Tried| windows.score(&t.left);
         let least = tried.iter().map(score).fold(f64::INFINITY, f64::min);
         tried.retain(|t| score(t) < least + AS_GOOD.ln());
-        // An input that acts the other way round is an effect, which the search finds.
-        let is_reversed = |r: &Reading| matches!(r.signal, Signal::Input(_)) && r.scale < 0.0;
-        if tried.iter().any(|t| t.readings.iter().all(is_reversed)) {
-            return Meant::Unclear;
-        }
+        tried.sort_by_key(|t| t.readings.len());
         let Some(best) = tried.first().cloned() else {
             break;
         };
@@ -280,13 +284,21 @@ fn meant(model: &Model, logs: &[Log], report: &dyn Fn(&str)) -> Meant {
 }
 
 /// What the model leaves where the log is read in these ways, each signal in one only.
-fn tried_ways(windows: &Windows, ways: Vec<Vec<Reading>>) -> Vec<Tried> {
+fn tried_ways(windows: &Windows, mut ways: Vec<Vec<Reading>>) -> Vec<Tried> {
+    ways.iter_mut()
+        .for_each(|way| way.sort_by_key(|r| r.signal));
+    let mut known: Vec<Vec<Reading>> = Vec::new();
+    for way in ways {
+        if !known.contains(&way) {
+            known.push(way);
+        }
+    }
     let once = |readings: &Vec<Reading>| {
         let mut rest = readings.iter().enumerate();
         rest.all(|(k, r)| readings[..k].iter().all(|other| other.signal != r.signal))
     };
-    let ways: Vec<Vec<Reading>> = ways.into_iter().filter(once).collect();
-    let ways = ways.into_par_iter().map(|readings| Tried {
+    known.retain(once);
+    let ways = known.into_par_iter().map(|readings| Tried {
         left: windows.shares(&readings),
         readings,
     });

@@ -31,6 +31,9 @@ const PARTS: [(f64, &str); 6] = [
     (1e3, "thousands"),
 ];
 
+/// As far from a unit as this factor it is another.
+const NEAR: f64 = 2.0;
+
 /// What a log calls its time.
 const TIME: &str = "t";
 
@@ -38,7 +41,7 @@ const TIME: &str = "t";
 const FAR: (f64, f64) = (2.0 * PI, 2.0);
 
 /// A signal of the model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Signal {
     Time,
     Coordinate(usize),
@@ -64,11 +67,11 @@ pub struct Reading {
     pub offset: f64,
 }
 
-/// One thing that may be otherwise in a log: one reading, the two of signals that are exchanged, or those of a joint that was put in the other way round.
+/// One thing that may be otherwise in a log: one reading, or the two of signals that are exchanged.
 pub type Change = Vec<Reading>;
 
 impl Reading {
-    fn of(signal: Signal, scale: f64, offset: f64) -> Self {
+    pub fn of(signal: Signal, scale: f64, offset: f64) -> Self {
         Reading {
             signal,
             from: signal.place(),
@@ -80,6 +83,11 @@ impl Reading {
     fn reads(&self, column: &[f64]) -> Vec<f64> {
         let read = |x: &f64| self.scale * x + self.offset;
         column.iter().map(read).collect()
+    }
+
+    /// Whether it reads the signal otherwise than it is.
+    pub fn is_other(&self) -> bool {
+        *self != Reading::of(self.signal, 1.0, 0.0)
     }
 
     /// Whether it is an input in other units.
@@ -97,6 +105,13 @@ impl Reading {
             offset: self.scale * old.offset + self.offset,
         }
     }
+}
+
+/// An input counts in the unit nearest to what its force asks for; in its own where none is near.
+pub fn unit_of_input(asked: f64) -> f64 {
+    let sizes = std::iter::once(1.0).chain(PARTS.map(|(scale, _)| scale));
+    let near = |size: &f64| (asked.abs() / size).ln().abs() < NEAR.ln();
+    sizes.into_iter().find(near).unwrap_or(1.0).copysign(asked)
 }
 
 /// The two signals exchanged.
@@ -131,6 +146,8 @@ pub fn changes(model: &Model, logs: &[Log]) -> Vec<Change> {
     let mut all: Vec<Change> = times
         .map(|scale| vec![Reading::of(Signal::Time, scale, 0.0)])
         .collect();
+    let turned = |i| vec![Reading::of(Signal::Input(i), -1.0, 0.0)];
+    all.extend((0..model.inputs.len()).map(turned));
     for (c, coordinate) in coordinates.iter().enumerate() {
         let (far, units, zeros) = match coordinate.angular {
             true => (FAR.0, &[DEGREE][..], &[0.0, PI, FRAC_PI_2, -FRAC_PI_2][..]),
@@ -149,8 +166,7 @@ pub fn changes(model: &Model, logs: &[Log]) -> Vec<Change> {
         }
     }
     for i in 0..model.inputs.len() {
-        let scales = std::iter::once(-1.0).chain(PARTS.map(|(scale, _)| scale));
-        all.extend(scales.map(|scale| vec![Reading::of(Signal::Input(i), scale, 0.0)]));
+        all.extend(PARTS.map(|(scale, _)| vec![Reading::of(Signal::Input(i), scale, 0.0)]));
     }
     for j in 0..coordinates.len() {
         all.extend((0..j).map(|i| exchanged(Signal::Coordinate, i, j)));
@@ -158,18 +174,7 @@ pub fn changes(model: &Model, logs: &[Log]) -> Vec<Change> {
     for j in 0..model.inputs.len() {
         all.extend((0..j).map(|i| exchanged(Signal::Input, i, j)));
     }
-    all.extend((0..coordinates.len()).filter_map(|c| turned_round(model, c)));
     all
-}
-
-/// A coordinate with all inputs on it, where there are some, the other way round: as a whole joint may be mounted.
-fn turned_round(model: &Model, c: usize) -> Option<Change> {
-    let other = |signal| Reading::of(signal, -1.0, 0.0);
-    let on_it = |i: &usize| model.inputs[*i].coordinate() == Some(c);
-    let inputs = (0..model.inputs.len()).filter(on_it);
-    let inputs: Change = inputs.map(|i| other(Signal::Input(i))).collect();
-    let all = |inputs| [vec![other(Signal::Coordinate(c))], inputs].concat();
-    (!inputs.is_empty()).then(|| all(inputs))
 }
 
 /// The readings with all signs turned round: what these leave as it is too, and nothing of what is then as it is.
@@ -185,8 +190,7 @@ pub fn mirrored(model: &Model, readings: &[Reading]) -> Vec<Reading> {
             ..reading
         }
     };
-    let is_other = |r: &Reading| *r != Reading::of(r.signal, 1.0, 0.0);
-    signals.map(read).filter(is_other).collect()
+    signals.map(read).filter(Reading::is_other).collect()
 }
 
 /// The signals of a log, read by these readings where they are of them: positions, velocities and inputs.

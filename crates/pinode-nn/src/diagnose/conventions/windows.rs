@@ -1,6 +1,7 @@
 //! What a model leaves of some short windows of a log that are read in some way.
 
 use super::reading::{Reading, Signal, read};
+use super::signs::Sample;
 use crate::diagnose::audit::{Readings, median, noise};
 use crate::diagnose::pace::Pace;
 use crate::diagnose::smooth::{polynomial, smooth, unwrapped};
@@ -142,6 +143,42 @@ impl Windows {
             (square - sizes.noise * sizes.noise).max(0.0).sqrt() / sizes.off_line
         };
         sizes.iter().enumerate().map(of_coordinate).collect()
+    }
+
+    /// The windows' samples, smoothed, and half the smoothing apart: closer ones say much the same. Those near an end have too little around them.
+    pub fn smoothed(&self) -> Vec<Sample> {
+        let mut samples = Vec::new();
+        for run in &self.runs {
+            let smoothed = smooth(&observed(run), &self.wraps, self.half_width);
+            let near = |k: usize| {
+                let from = run.t.partition_point(|t| *t < run.t[k] - self.half_width);
+                from..run.t.partition_point(|t| *t <= run.t[k] + self.half_width)
+            };
+            let at = |columns: &[Vec<f64>], k: usize| columns.iter().map(|c| c[k]).collect();
+            let (Some(first), Some(last)) = (run.t.first(), run.t.last()) else {
+                continue;
+            };
+            let mut next = first + 0.5 * self.half_width;
+            for k in 0..run.t.len() {
+                if run.t[k] < next || run.t[k] > last - 0.5 * self.half_width {
+                    continue;
+                }
+                next = run.t[k] + 0.5 * self.half_width;
+                let mean = |u: &Vec<f64>| u[near(k)].iter().sum::<f64>() / near(k).len() as f64;
+                samples.push(Sample {
+                    q: at(&smoothed.q, k),
+                    v: at(&smoothed.v, k),
+                    a: at(&smoothed.a, k),
+                    u: run.u.iter().map(mean).collect(),
+                });
+            }
+        }
+        samples
+    }
+
+    /// The model that is compared with them.
+    pub fn hybrid(&self) -> &Hybrid {
+        &self.hybrid
     }
 
     /// Whether a coordinate moves.
