@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::study::{Fitted, Study};
 use crate::hybrid::{DrivenInputs, Hybrid, Reading};
-use crate::shooting::problem::Problem;
+use crate::shooting::problem::{Problem, late};
 use crate::shooting::{
     Accumulator, HiddenPrior, Member, Residual, Trajectory, Variation, Window, roll_steps,
 };
@@ -18,6 +18,8 @@ pub struct Linearisation<'a> {
     study: &'a Study,
     fitted: &'a Fitted,
     hidden: HiddenPrior,
+    /// How late each coordinate is read, s.
+    late: Vec<f64>,
     inputs: Vec<DrivenInputs>,
     readings: Vec<Reading>,
 }
@@ -50,6 +52,7 @@ impl<'a> Linearisation<'a> {
             study,
             fitted,
             hidden,
+            late: late(hybrid, &fit.theta),
             inputs: Vec::new(),
             readings: Vec::new(),
         };
@@ -68,6 +71,7 @@ impl<'a> Linearisation<'a> {
             &self.hidden,
             self.fitted.substeps,
         )
+        .read_late(&self.late)
     }
 
     /// The inputs of each recording.

@@ -83,9 +83,21 @@ pub fn twins_of(
 /// What is late, of one coordinate that one input drives: no clock tells whether it is pushed late, or read late.
 const LATE: [&str; 2] = ["input_delay", "sensor_delay"];
 
-/// The other delay, where the mechanism has one coordinate and one input.
+/// Whether a candidate is asked for as another of `all`: of two delays that are one equation the input's, which no sample is lost to.
+pub fn is_told_as_another(candidate: &Candidate, all: &[Candidate], hybrid: &Hybrid) -> bool {
+    let [pushed, read] = LATE;
+    let is_there = all.iter().any(|other| other.kind.name == pushed);
+    candidate.kind.name == read && is_there && is_one_delay(hybrid)
+}
+
+/// One coordinate and one input.
+fn is_one_delay(hybrid: &Hybrid) -> bool {
+    hybrid.nv() == 1 && hybrid.inputs() == 1
+}
+
+/// The other delay, where there is one only.
 fn late_twins(study: &Study, candidate: &Candidate, hybrid: &Hybrid) -> Vec<Candidate> {
-    let alone = hybrid.nv() == 1 && hybrid.inputs() == 1;
+    let alone = is_one_delay(hybrid);
     let others = LATE
         .iter()
         .filter(|name| alone && **name != candidate.kind.name);
@@ -144,6 +156,10 @@ mod tests {
         let [pushed, read] = LATE.map(|name| Candidate::named(name, 0));
         assert_eq!(twins_of(&study, &pushed, (&null, &null)), [read]);
         assert_eq!(twins_of(&study, &read, (&null, &null)), [pushed]);
+        let both = [pushed, read];
+        assert!(is_told_as_another(&read, &both, &null.hybrid));
+        assert!(!is_told_as_another(&pushed, &both, &null.hybrid));
+        assert!(!is_told_as_another(&read, &both[1..], &null.hybrid));
         let without = Study {
             without: vec![read.kind],
             ..study

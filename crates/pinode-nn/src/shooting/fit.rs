@@ -2,7 +2,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::problem::{HiddenPrior, Problem, Rolled};
+use super::problem::{HiddenPrior, Problem, Rolled, late};
 use super::{Channel, Observations, Reduced, Window};
 use crate::hybrid::Hybrid;
 
@@ -326,6 +326,7 @@ pub fn fit(
     hidden: &HiddenPrior,
     options: &FitOptions,
 ) -> Fit {
+    let late = late(hybrid, &theta);
     let surroundings = |free| {
         Problem::new(
             hybrid,
@@ -335,6 +336,7 @@ pub fn fit(
             hidden,
             options.substeps,
         )
+        .read_late(&late)
     };
     let problem = surroundings(free);
     let states_only = surroundings(&[]);
@@ -397,7 +399,11 @@ pub fn fit(
         stretch: problem.prior_loss(&theta),
         theta,
         free: free.to_vec(),
-        squares: now.iter().map(|w| w.squares(channels.len())).collect(),
+        squares: windows
+            .iter()
+            .zip(&now)
+            .map(|(window, w)| problem.of_all(window, w.squares(channels.len())))
+            .collect(),
         states: now.into_iter().map(|w| w.state).collect(),
         sigma,
         information,

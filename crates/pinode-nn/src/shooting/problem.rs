@@ -10,6 +10,8 @@ use crate::hybrid::{DrivenInputs, Hybrid, Reading};
 
 /// The loss of a window whose roll-out diverges.
 const DIVERGED_LOSS: f64 = 1e9;
+/// The acceleration before a window is taken to be that of its first interval for this part of one.
+const GOES_ON: f64 = 0.1;
 /// A step of θ that lowers the loss may raise that of a window by so many nats and this share of it: the others gain more.
 const RISE: (f64, f64) = (3.0, 0.05);
 
@@ -111,6 +113,15 @@ pub(crate) struct Problem<'a> {
     pub free: &'a [usize],
     pub hidden: &'a HiddenPrior,
     pub substeps: usize,
+    /// How late each coordinate is read, s: what was before a window's first sample is not known, and what is read of it does not count. Empty where all
+    /// counts. It stays as it is while a fit moves the delay.
+    pub late: &'a [f64],
+}
+
+/// How late each coordinate is read at θ, s.
+pub(crate) fn late(hybrid: &Hybrid, theta: &[f64]) -> Vec<f64> {
+    let readings = hybrid.readings(theta, &[]);
+    readings.into_iter().map(|reading| reading.delay).collect()
 }
 
 impl<'a> Problem<'a> {
@@ -129,7 +140,13 @@ impl<'a> Problem<'a> {
             free,
             hidden,
             substeps,
+            late: &[],
         }
+    }
+
+    /// The same where coordinates are read so late.
+    pub fn read_late(self, late: &'a [f64]) -> Self {
+        Problem { late, ..self }
     }
 
     pub fn drive(&self, theta: &[f64]) -> Vec<DrivenInputs> {
@@ -147,6 +164,37 @@ impl<'a> Problem<'a> {
         self.hybrid.readings(theta, self.free)
     }
 
+    /// Whether a channel reads, at a sample of a window, what was before it: further before than the acceleration there may be taken to go on.
+    fn reads_before(&self, t: &[f64], sample: usize, channel: usize) -> bool {
+        let coordinate = self.observations.channels[channel].coordinate;
+        match (self.late.get(coordinate), t) {
+            (Some(late), [first, second, ..]) => {
+                t[sample] - late < first - GOES_ON * (second - first)
+            }
+            _ => false,
+        }
+    }
+
+    /// Squares of a window's residuals as if all that is valid had been read: what does not count is as far off, in the mean, as what does.
+    pub fn of_all(&self, window: &Window, squares: Vec<(f64, usize)>) -> Vec<(f64, usize)> {
+        if self.late.iter().all(|late| *late == 0.0) {
+            return squares;
+        }
+        let valid = &self.observations.runs[window.run].valid;
+        let within = window.first..window.first + window.count;
+        let all = |(channel, (sum, n)): (usize, (f64, usize))| match n {
+            0 => (sum, n),
+            _ => {
+                let all = valid[channel][within.clone()]
+                    .iter()
+                    .filter(|v| **v)
+                    .count();
+                (sum * all as f64 / n as f64, all)
+            }
+        };
+        squares.into_iter().enumerate().map(all).collect()
+    }
+
     /// The residuals of a window that count.
     pub fn residuals<'b>(
         &'b self,
@@ -161,6 +209,7 @@ impl<'a> Problem<'a> {
         (0..window.count)
             .flat_map(move |sample| (0..channels.len()).map(move |channel| (sample, channel)))
             .filter(move |&(sample, channel)| run.valid[channel][window.first + sample])
+            .filter(move |&(sample, channel)| !self.reads_before(t, sample, channel))
             .map(move |(sample, channel)| {
                 let own = &channels[channel];
                 let predicted = own.predict(&readings[own.coordinate], sizes, states, t, sample);

@@ -89,7 +89,7 @@ fn an_input_of_the_wrong_sign_is_said_to_count_the_other_way_round() {
     };
     assert_eq!(
         (fault.kind.as_str(), fault.column.as_str()),
-        ("convention", "u.torque")
+        ("convention", "u.motor")
     );
     assert_eq!(found.verdict, Verdict::DataFault);
     assert!(found.gap.after < 3.0, "{:?}", found.gap);

@@ -9,18 +9,21 @@ use super::probed::{Change, Column, Probed};
 use crate::diagnose::candidate::Candidate;
 use crate::diagnose::linear::{AtWindow, Linearisation};
 use crate::diagnose::study::{Fitted, Study};
+use crate::diagnose::twins::is_told_as_another;
 use crate::effect::Kind;
 use crate::shooting::{SmallForce, Trajectory};
 
 /// Screens the candidates of the kinds that `counts` keeps at the fitted model.
 pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) -> Screen {
     let (hybrid, fit) = (&fitted.hybrid, &fitted.inside);
-    let columns = Candidate::all(hybrid)
-        .into_iter()
+    let mut all = Candidate::all(hybrid);
+    all.retain(|candidate| !study.without.contains(&candidate.kind));
+    let columns = all
+        .iter()
+        .filter(|candidate| !is_told_as_another(candidate, &all, hybrid))
         .filter(|candidate| counts(candidate.kind))
-        .filter(|candidate| !study.without.contains(&candidate.kind))
         .filter(|candidate| !candidate.winds_up(hybrid, &study.scales))
-        .flat_map(|candidate| {
+        .flat_map(|&candidate| {
             let contained = candidate.contained(hybrid, &fit.theta);
             let known = hybrid.known_strength(candidate.kind, candidate.target);
             (candidate.kind.probes)(&candidate.scales(hybrid, &study.scales), &contained)
