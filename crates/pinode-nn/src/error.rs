@@ -1,5 +1,6 @@
 //! What can go wrong in this crate.
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 #[cfg(feature = "adaptive")]
@@ -8,8 +9,51 @@ use lagrange::Problems;
 
 use crate::contact_run::ContactRunError;
 use crate::motion::NotFree;
+use crate::naming::quoted;
 #[cfg(feature = "adaptive")]
 use crate::shooting::Diverged;
+
+/// A coordinate that is read as the same number throughout a log.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unmoved {
+    /// Its column.
+    pub column: String,
+    /// What is read.
+    pub value: f64,
+    /// Its unit.
+    pub unit: &'static str,
+    /// How often it is read.
+    pub samples: usize,
+    /// Root mean square of what would have to hold it there.
+    pub force: f64,
+    /// The unit of that.
+    pub force_unit: &'static str,
+}
+
+impl fmt::Display for Unmoved {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Unmoved {
+            column,
+            value,
+            unit,
+            samples,
+            force,
+            force_unit,
+        } = self;
+        write!(
+            f,
+            "{} is {value} {unit} in all {samples} samples, and under the logged inputs {force:.3} {force_unit} (root mean square) would have to hold it \
+             there: is its sensor dead? Where something does hold the joint, make it `fixed` in the model",
+            quoted(column)
+        )
+    }
+}
+
+/// One a line.
+fn list(columns: &[Unmoved]) -> String {
+    let lines: Vec<String> = columns.iter().map(Unmoved::to_string).collect();
+    lines.join("\n")
+}
 
 /// An error of models, logs and what is done with them.
 #[derive(Debug, thiserror::Error)]
@@ -57,6 +101,12 @@ pub enum Error {
         interval: f64,
         /// Length of a window, s.
         window: f64,
+    },
+    /// Coordinates are read as the same number throughout, though the equations ask them to move.
+    #[error("{}", list(columns))]
+    Unmoved {
+        /// All of them.
+        columns: Vec<Unmoved>,
     },
     /// The model as given cannot be simulated over the log.
     #[error(

@@ -58,7 +58,7 @@ mod naming;
 mod past;
 
 pub use disk::write_atomically;
-pub use error::Error;
+pub use error::{Error, Unmoved};
 
 /// The code in the front page runs.
 #[cfg(doctest)]

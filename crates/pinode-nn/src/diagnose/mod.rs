@@ -72,7 +72,7 @@ use std::sync::Arc;
 
 use self::candidate::Candidate;
 use self::cleaned::Cleaned;
-use self::conventions::{AsMeant, as_meant};
+use self::conventions::{AsMeant, as_meant, refuse_unmoved};
 use self::curves::Curves;
 use self::elsewhere::elsewhere;
 use self::kept::Kept;
@@ -118,7 +118,7 @@ pub struct Outcome {
 /// The same seed gives the same result, bit for bit, for any number of threads.
 ///
 /// # Errors
-/// [`Error::Floating`] when a coordinate is the pose of a floating body; [`Error::SameLog`] when a log is given twice; [`Error::OtherModel`] when one was read for another model; [`Error::TooShort`] when the logs hold too few windows; [`Error::TooCoarse`] when their samples are too far apart for the length of the recordings; [`Error::Unfittable`] when the model as given cannot be simulated over
+/// [`Error::Floating`] when a coordinate is the pose of a floating body; [`Error::SameLog`] when a log is given twice; [`Error::OtherModel`] when one was read for another model; [`Error::Unmoved`] when a coordinate never moves though the equations ask it to; [`Error::TooShort`] when the logs hold too few windows; [`Error::TooCoarse`] when their samples are too far apart for the length of the recordings; [`Error::Unfittable`] when the model as given cannot be simulated over
 /// them; what [`Model::write_revision`] and [`Model::load`] return.
 pub fn diagnose(
     model: &Model,
@@ -178,6 +178,7 @@ pub(crate) fn diagnose_into(
     let mut all = logs.iter().chain(held_out);
     all.try_for_each(|log| log.check(model))?;
     report("reading the log: noise, outliers, gaps");
+    refuse_unmoved(model, logs)?;
     let AsMeant {
         model,
         logs,

@@ -12,6 +12,7 @@ mod reading;
 mod signs;
 #[cfg(test)]
 mod tests;
+mod unmoved;
 mod windows;
 
 use std::borrow::Cow;
@@ -19,6 +20,7 @@ use std::borrow::Cow;
 use rayon::prelude::*;
 
 use self::reading::{Change, Reading, Signal, changes, mappings, mirrored, name, read, words};
+pub use self::unmoved::refuse_unmoved;
 use self::windows::{NONE, Windows};
 use super::verdict::DataFault;
 use crate::Error;

@@ -116,16 +116,16 @@ impl Makes {
 }
 
 /// The forces that a motion needs.
-struct Needed {
+pub struct Needed {
     /// τ of each coordinate, a sample an entry.
-    forces: Vec<DVector<f64>>,
+    pub forces: Vec<DVector<f64>>,
     /// Mean squares of M q̈ and of M v̇₀ together.
-    squares: Vec<f64>,
+    pub squares: Vec<f64>,
 }
 
 impl Needed {
     /// Of the motion with these signs; none where the model has no acceleration.
-    fn of(hybrid: &Hybrid, samples: &[Sample], signs: &[f64]) -> Option<Self> {
+    pub fn of(hybrid: &Hybrid, samples: &[Sample], signs: &[f64]) -> Option<Self> {
         let n = signs.len();
         let theta = hybrid.theta();
         let idle = vec![vec![0.0; 2]; hybrid.inputs()];

@@ -6,6 +6,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
+use crate::bins::pseudo;
 use crate::log::Channels;
 
 const CART: f64 = 0.6;
@@ -400,6 +401,31 @@ fn any_signs_of_an_arm_are_told_up_to_its_mirror() {
         };
         assert_eq!(found, expected, "{choice:04b}");
     }
+}
+
+/// A cart whose encoder is dead, a pendulum whose is, and a pendulum that hangs still because nothing moves it.
+#[test]
+fn a_coordinate_that_never_moves_is_refused_where_something_would_have_to_hold_it() {
+    let model = model();
+    let rows = recording(0.3);
+    let refused = |as_logged: &dyn Fn([f64; 3]) -> [f64; 3]| {
+        let logs = [log(&model, &rows, as_logged)];
+        match refuse_unmoved(&model, &logs) {
+            Ok(()) => Vec::new(),
+            Err(Error::Unmoved { columns }) => {
+                columns.into_iter().map(|unmoved| unmoved.column).collect()
+            }
+            Err(other) => panic!("{other}"),
+        }
+    };
+    assert_eq!(refused(&|row| row), [""; 0]);
+    assert_eq!(refused(&|[_, phi, u]| [0.01, phi, u]), ["q.x"]);
+    assert_eq!(refused(&|[x, _, u]| [x, 3.0, u]), ["q.phi"]);
+    let coasts: Vec<[f64; 3]> = (0..1000)
+        .map(|k| [0.01 * k as f64 + NOISE.0 * pseudo(k, 0.2), 0.0, 0.0])
+        .collect();
+    let logs = [log(&model, &coasts, |row| row)];
+    assert!(refuse_unmoved(&model, &logs).is_ok());
 }
 
 #[test]
