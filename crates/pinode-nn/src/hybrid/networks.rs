@@ -1,10 +1,12 @@
 //! What the networks of a model add to Q, and their derivatives.
 
+use std::sync::Arc;
+
 use lagrange::LANES;
 
 use super::forces::{By, Of};
-use super::{DrivenInputs, Eight, Hybrid, Lane, State};
-use crate::learnt::{In, Room, Seen, Sight};
+use super::{Constant, ConstantId, DrivenInputs, Eight, Hybrid, Lane, State};
+use crate::learnt::{In, LearntForce, Room, Seen, Sight};
 use crate::network::Processor;
 
 /// Memory of one thread for all networks of a model.
@@ -15,6 +17,58 @@ pub(super) struct NetworkMemory {
 }
 
 impl Hybrid {
+    /// Adds a learnt force.
+    pub fn add_network(&mut self, force: Arc<LearntForce>) {
+        if force.is_alone() {
+            let joints: Vec<usize> = force.outputs().iter().map(|o| o.coordinate).collect();
+            self.leave_to_network(&joints);
+        }
+        self.networks.push(force);
+        self.open.push(None);
+    }
+
+    /// Adds a learnt force whose parameters are entries of θ, around what they are with this standard deviation.
+    pub fn add_open_network(&mut self, force: Arc<LearntForce>, tolerance: f64) {
+        let index = self.networks.len();
+        let parameters = force.network().parameters().iter().enumerate();
+        let first = self.constants.len();
+        self.constants
+            .extend(parameters.map(|(k, &value)| Constant {
+                id: ConstantId::Network(index, k),
+                value,
+                lower: f64::NEG_INFINITY,
+                upper: f64::INFINITY,
+                tolerance,
+            }));
+        self.add_network(force);
+        self.open[index] = Some(first..self.constants.len());
+    }
+
+    /// The learnt forces with the parameters that open ones have at θ.
+    pub fn networks_at(&self, theta: &[f64]) -> Vec<Arc<LearntForce>> {
+        let own = self.networks.iter().zip(&self.open);
+        own.map(|(network, open)| match open {
+            Some(range) => Arc::new(network.with_parameters(&theta[range.clone()])),
+            None => network.clone(),
+        })
+        .collect()
+    }
+
+    /// Inputs do not act on these coordinates by themselves any more, but through a network alone; effects of the model do.
+    pub(crate) fn leave_to_network(&mut self, coordinates: &[usize]) {
+        for (carried, own) in self.carried.iter_mut().zip(&self.input_coordinates) {
+            *carried |= coordinates.contains(own);
+        }
+        for start in coordinates.iter().filter_map(|&c| self.starts.get(c)) {
+            self.left[start.v] = true;
+        }
+    }
+
+    /// What was learnt of Q.
+    pub fn networks(&self) -> &[Arc<LearntForce>] {
+        &self.networks
+    }
+
     /// The parameters of open networks, from θ.
     fn load_networks(&self, theta: &[f64], memory: &mut NetworkMemory) {
         for ((network, own), room) in self.networks.iter().zip(&self.open).zip(&mut memory.rooms) {
