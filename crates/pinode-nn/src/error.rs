@@ -8,6 +8,7 @@ use integrators::adaptive::AdaptiveError;
 use lagrange::Problems;
 
 use crate::contact_run::ContactRunError;
+use crate::digits::number;
 use crate::motion::NotFree;
 use crate::naming::quoted;
 #[cfg(feature = "adaptive")]
@@ -42,9 +43,11 @@ impl fmt::Display for Unmoved {
         } = self;
         write!(
             f,
-            "{} is {value} {unit} in all {samples} samples, and under the logged inputs {force:.3} {force_unit} (root mean square) would have to hold it \
-             there: is its sensor dead? Where something does hold the joint, make it `fixed` in the model",
-            quoted(column)
+            "{} is {} {unit} in all {samples} samples, and under the logged inputs {} {force_unit} (root mean square) would have to hold it there: is its \
+             sensor dead? Where something does hold the joint, make it `fixed` in the model",
+            quoted(column),
+            number(*value),
+            number(*force),
         )
     }
 }

@@ -29,6 +29,7 @@ pub use excitation::excitation;
 pub use masked::Masked;
 use noise::is_difference;
 pub use noise::{Readings, median, noise};
+use outliers::Read;
 pub use overstated::overstated;
 pub use rates::scale_of_time;
 pub use second_look::second_look;
@@ -196,7 +197,11 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
             .zip(&holds)
             .zip(&slips)
             .map(|((readings, holds), slips)| {
-                let mut valid = outliers::without_outliers(*readings, channel.noise);
+                let what = match channel.velocity {
+                    true => Read::Velocity,
+                    false => Read::Position,
+                };
+                let mut valid = outliers::without_outliers(*readings, channel.noise, what);
                 // A jump at the end of a hold, and one that stays, is no reading that stands alone.
                 let slips = slips.iter().map(|slip| [slip.at, slip.at - 1]);
                 for [first, last] in holds.iter().copied().chain(slips) {

@@ -18,16 +18,23 @@ const REACH: usize = 4;
 /// … at one of so many times an interval, of the two before and the two after it.
 const BENDS: usize = 8;
 
+/// What a sensor reads.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Read {
+    Position,
+    Velocity,
+}
+
 /// False where a sample stands alone: away from the cubic through its four neighbours, of even samples
 ///
 /// e_k = y_k − (−y_{k−2} + 4 y_{k−1} + 4 y_{k+1} − y_{k+2}) / 6,
 ///
 /// by more than eight times the noise, by more than eight times what is usual around it (fast motion is no fault), and by more than
 /// its neighbours, whom a glitch pulls along, and where one wrong reading explains all of them better than a [bend](bends) of the motion. Twice as far, and so on, while that holds for too many samples.
-pub fn without_outliers(readings: Readings, noise: f64) -> Vec<bool> {
+pub fn without_outliers(readings: Readings, noise: f64, what: Read) -> Vec<bool> {
     let (n, mut factor) = (readings.y.len() as f64, 8.0);
     loop {
-        let (valid, spikes) = within(readings, noise, factor);
+        let (valid, spikes) = within(readings, (noise, what), factor);
         let others = valid.iter().filter(|v| !**v).count() - spikes;
         let few = |count: usize, most: f64| count <= FEW || (count as f64) < most * n;
         if (few(others, MOST_OUTLIERS) && few(spikes, MOST_SPIKES)) || factor > 1e6 {
@@ -59,7 +66,7 @@ fn away(Readings { t, y }: Readings) -> Vec<f64> {
 }
 
 /// False where a sample stands alone by so large a factor; and the number of those without which nothing is left of it.
-fn within(readings: Readings, noise: f64, factor: f64) -> (Vec<bool>, usize) {
+fn within(readings: Readings, (noise, what): (f64, Read), factor: f64) -> (Vec<bool>, usize) {
     let (mut valid, mut spikes) = (vec![true; readings.y.len()], 0);
     let away = away(readings);
     for (i, &e) in away.iter().enumerate() {
@@ -73,16 +80,17 @@ fn within(readings: Readings, noise: f64, factor: f64) -> (Vec<bool>, usize) {
             .filter(|k| k.abs_diff(i) > 2)
             .map(|k| away[k].abs())
             .collect();
-        valid[i + 2] = e.abs() <= factor * median(&mut around) || bends(readings, i + 2);
+        valid[i + 2] = e.abs() <= factor * median(&mut around) || bends(readings, what, i + 2);
         spikes += usize::from(!valid[i + 2] && is_spike(&away, i, noise));
     }
     (valid, spikes)
 }
 
-/// Whether the motion bends at about sample `k` rather than that this is read wrongly: a force that steps bends a velocity and the slope of a position, and one
-/// that lasts for a sample, or a blow, bends them twice. What is left of e around it beside the best of (t − τ)₊, (t − τ)₊² and a rise from τ over an interval,
-/// by least squares and for any τ, is less than beside a pulse at `k`.
-fn bends(readings: Readings, k: usize) -> bool {
+/// Whether the motion bends at about sample `k` rather than that this is read wrongly. A force that steps does to a position what (t − τ)₊² is and to a velocity
+/// what (t − τ)₊ is; one that lasts for a sample makes a velocity rise over an interval. What is left of e around the sample beside the best of these, by least
+/// squares and for any τ, is less than beside a pulse at `k`. (A blow does to a position what a force does to a velocity; that counts as read wrongly, and is left
+/// out: a sample that a body turns round at says nothing that a stop of any softness can follow.)
+fn bends(readings: Readings, what: Read, k: usize) -> bool {
     let first = k.saturating_sub(REACH);
     let last = (k + REACH + 1).min(readings.t.len());
     let t = &readings.t[first..last];
@@ -105,14 +113,15 @@ fn bends(readings: Readings, k: usize) -> bool {
     );
     let mut times = (0..=4 * BENDS).map(|j| from + (to - from) * j as f64 / (4 * BENDS) as f64);
     let interval = 0.25 * (to - from);
+    let ramp = |since: f64| since.max(0.0);
+    let shapes: &[&dyn Fn(f64) -> f64] = match what {
+        Read::Position => &[&|since| ramp(since).powi(2)],
+        Read::Velocity => &[&ramp, &|since| since.clamp(0.0, interval)],
+    };
     times.any(|bend| {
-        let shapes: [&dyn Fn(f64) -> f64; 3] = [
-            &|since| since.max(0.0),
-            &|since| since.max(0.0).powi(2),
-            &|since| since.clamp(0.0, interval),
-        ];
-        let mut shapes = shapes.into_iter();
-        shapes.any(|shape| left(&|time| shape(time - bend)) < pulse)
+        shapes
+            .iter()
+            .any(|shape| left(&|time| shape(time - bend)) < pulse)
     })
 }
 
@@ -134,7 +143,7 @@ mod tests {
     /// Of samples that are as far apart as in these tests, every 20 ms.
     fn without_outliers(y: &[f64], noise: f64) -> Vec<bool> {
         let t: Vec<f64> = (0..y.len()).map(|k| 0.02 * k as f64).collect();
-        super::without_outliers(Readings { t: &t, y }, noise)
+        super::without_outliers(Readings { t: &t, y }, noise, Read::Position)
     }
 
     #[test]
@@ -144,7 +153,8 @@ mod tests {
             .map(|k| 0.01 * k as f64 + 2e-3 * crate::bins::pseudo(k, 0.7))
             .collect();
         let mut y: Vec<f64> = t.iter().map(|t| (3.0 * t).sin()).collect();
-        let valid = |y: &[f64]| super::without_outliers(Readings { t: &t, y }, 1e-4);
+        let valid =
+            |y: &[f64]| super::without_outliers(Readings { t: &t, y }, 1e-4, Read::Position);
         assert!(valid(&y).iter().all(|v| *v));
         y[200] += 0.5;
         assert!(!valid(&y)[200]);
@@ -170,11 +180,17 @@ mod tests {
         }
         let read = |k: usize| y[k] + 1e-5 * crate::bins::pseudo(k, 0.3);
         let mut y: Vec<f64> = (0..y.len()).map(read).collect();
-        assert!(without_outliers(&y, 1e-5).iter().all(|v| *v));
+        let t: Vec<f64> = (0..y.len()).map(|k| 0.02 * k as f64).collect();
+        let masked = |y: &[f64]| -> Vec<usize> {
+            let valid = super::without_outliers(Readings { t: &t, y }, 1e-5, Read::Velocity);
+            let valid = valid.into_iter().enumerate();
+            valid
+                .filter_map(|(k, valid)| (!valid).then_some(k))
+                .collect()
+        };
+        assert_eq!(masked(&y), [0; 0]);
         y[2222] += 3e-4;
-        let masked = without_outliers(&y, 1e-5).into_iter().enumerate();
-        let masked: Vec<usize> = masked.filter_map(|(k, v)| (!v).then_some(k)).collect();
-        assert_eq!(masked, [2222]);
+        assert_eq!(masked(&y), [2222]);
     }
 
     /// A reading that is wrong in one sample of fifty leaves the others as they should be; a mechanism that is struck as often does not.
