@@ -170,7 +170,7 @@ impl Hybrid {
     /// Adds an effect with these parameter values; they are free, or exact when it is [`fixed`](Placed::fixed). Beside one of its kind that is, it may take from
     /// that: [`Kind::lower_bound`].
     ///
-    /// With an effect that changes the mechanics where [`Inertial::check`] refuses it, there is no motion: accelerations are NaN, and
+    /// With an effect that changes the mechanics where [`Inertial::check`](crate::effect::Inertial::check) refuses it, there is no motion: accelerations are NaN, and
     /// an error.
     pub fn add(&mut self, effect: Placed, values: &[f64]) {
         let first = self.constants.len();

@@ -24,7 +24,7 @@ pub struct Constant {
 /// What an entry of θ is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum ConstantId {
-    /// Constant of the mechanics, by its index in [`Mechanics::parameters`].
+    /// Constant of the mechanics, by its index in [`Mechanics::parameters`](lagrange::Mechanics::parameters).
     Mechanics(usize),
     /// Gain of an input.
     Gain(usize),
