@@ -384,6 +384,16 @@ pub fn fit(
         sigma,
         loss,
     } = going;
+    // What the delay has become says which samples count.
+    let ended = self::late(hybrid, &theta);
+    let problem = match ended == late {
+        true => problem,
+        false => {
+            let problem = problem.read_late(&ended);
+            now = problem.rolled(&theta, now.into_iter().map(|w| w.state).collect());
+            problem
+        }
+    };
     let reduced = problem.reduced(&theta, &mut now, &sigma);
     let (information, _) = problem.assemble(&theta, &reduced);
     let of_windows = reduced

@@ -12,6 +12,8 @@ use crate::hybrid::{DrivenInputs, Hybrid, Reading};
 const DIVERGED_LOSS: f64 = 1e9;
 /// The acceleration before a window is taken to be that of its first interval for this part of one.
 const GOES_ON: f64 = 0.1;
+/// No more than this part of a window is lost to a late sensor.
+const MOST_LOST: f64 = 0.5;
 /// A step of θ that lowers the loss may raise that of a window by so many nats and this share of it: the others gain more.
 const RISE: (f64, f64) = (3.0, 0.05);
 
@@ -168,7 +170,8 @@ impl<'a> Problem<'a> {
     fn reads_before(&self, t: &[f64], sample: usize, channel: usize) -> bool {
         let coordinate = self.observations.channels[channel].coordinate;
         match (self.late.get(coordinate), t) {
-            (Some(late), [first, second, ..]) => {
+            (Some(&late), [first, second, .., last]) => {
+                let late = late.min(MOST_LOST * (last - first));
                 t[sample] - late < first - GOES_ON * (second - first)
             }
             _ => false,

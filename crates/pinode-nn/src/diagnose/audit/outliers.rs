@@ -33,8 +33,10 @@ pub enum Read {
 /// its neighbours, whom a glitch pulls along, and where one wrong reading explains all of them better than a [bend](bends) of the motion. Twice as far, and so on, while that holds for too many samples.
 pub fn without_outliers(readings: Readings, noise: f64, what: Read) -> Vec<bool> {
     let (n, mut factor) = (readings.y.len() as f64, 8.0);
+    let mut known: Vec<Option<bool>> = vec![None; readings.y.len()];
+    let mut bent = |k: usize| *known[k].get_or_insert_with(|| bends(readings, what, k));
     loop {
-        let (valid, spikes) = within(readings, (noise, what), factor);
+        let (valid, spikes) = within(readings, noise, factor, &mut bent);
         let others = valid.iter().filter(|v| !**v).count() - spikes;
         let few = |count: usize, most: f64| count <= FEW || (count as f64) < most * n;
         if (few(others, MOST_OUTLIERS) && few(spikes, MOST_SPIKES)) || factor > 1e6 {
@@ -66,7 +68,12 @@ fn away(Readings { t, y }: Readings) -> Vec<f64> {
 }
 
 /// False where a sample stands alone by so large a factor; and the number of those without which nothing is left of it.
-fn within(readings: Readings, (noise, what): (f64, Read), factor: f64) -> (Vec<bool>, usize) {
+fn within(
+    readings: Readings,
+    noise: f64,
+    factor: f64,
+    bent: &mut impl FnMut(usize) -> bool,
+) -> (Vec<bool>, usize) {
     let (mut valid, mut spikes) = (vec![true; readings.y.len()], 0);
     let away = away(readings);
     for (i, &e) in away.iter().enumerate() {
@@ -80,7 +87,7 @@ fn within(readings: Readings, (noise, what): (f64, Read), factor: f64) -> (Vec<b
             .filter(|k| k.abs_diff(i) > 2)
             .map(|k| away[k].abs())
             .collect();
-        valid[i + 2] = e.abs() <= factor * median(&mut around) || bends(readings, what, i + 2);
+        valid[i + 2] = e.abs() <= factor * median(&mut around) || bent(i + 2);
         spikes += usize::from(!valid[i + 2] && is_spike(&away, i, noise));
     }
     (valid, spikes)

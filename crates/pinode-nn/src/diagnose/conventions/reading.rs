@@ -67,7 +67,7 @@ pub struct Reading {
     pub offset: f64,
 }
 
-/// One thing that may be otherwise in a log: one reading, or the two of signals that are exchanged.
+/// One thing that may be otherwise in a log: one reading, the two of signals that are exchanged, or those of a joint that was put in the other way round.
 pub type Change = Vec<Reading>;
 
 impl Reading {
@@ -174,7 +174,18 @@ pub fn changes(model: &Model, logs: &[Log]) -> Vec<Change> {
     for j in 0..model.inputs.len() {
         all.extend((0..j).map(|i| exchanged(Signal::Input, i, j)));
     }
+    all.extend((0..coordinates.len()).filter_map(|c| turned_round(model, c)));
     all
+}
+
+/// A coordinate with all inputs on it, where there are some, the other way round: as a whole joint may be mounted.
+fn turned_round(model: &Model, c: usize) -> Option<Change> {
+    let other = |signal| Reading::of(signal, -1.0, 0.0);
+    let on_it = |i: &usize| model.inputs[*i].coordinate() == Some(c);
+    let inputs = (0..model.inputs.len()).filter(on_it);
+    let inputs: Change = inputs.map(|i| other(Signal::Input(i))).collect();
+    let all = |inputs| [vec![other(Signal::Coordinate(c))], inputs].concat();
+    (!inputs.is_empty()).then(|| all(inputs))
 }
 
 /// The readings with all signs turned round: what these leave as it is too, and nothing of what is then as it is.

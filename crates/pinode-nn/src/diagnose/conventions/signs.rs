@@ -27,19 +27,32 @@ const FLOOR: f64 = 0.02;
 /// Singular values below this part of the largest one are none.
 const ALIKE: f64 = 1e-9;
 
-/// The ways to count that the equations speak for, the likeliest first: choices of signs, with the signs and units that the inputs have beside them. None where
-/// an input acts on a link.
+/// Less than this part of an input beside the other columns says nothing of its sign.
+const SILENT: f64 = 1e-3;
+
+/// The ways to count that the equations speak for, the likeliest first: choices of signs of what moves, with the signs and units that the inputs have beside them.
+/// None where an input acts on a link, or loops are closed: what acts then is not the inputs' alone.
 pub fn likely(windows: &Windows, model: &Model) -> Vec<Vec<Reading>> {
     let on: Option<Vec<usize>> = model.inputs.iter().map(|i| i.coordinate()).collect();
     let n = model.mechanics.coordinates().len();
-    let (Some(on), true) = (on, n <= MOST_COORDINATES) else {
+    let moving: Vec<usize> = (0..n).filter(|c| windows.moves(*c)).collect();
+    let is_open = model.mechanics.constraints().is_none();
+    let (Some(on), true) = (on, is_open && moving.len() <= MOST_COORDINATES) else {
         return Vec::new();
     };
     let samples = windows.smoothed();
+    if samples.is_empty() {
+        return Vec::new();
+    }
     let makes: Vec<Makes> = (0..n).map(|c| Makes::on(c, &on, &samples)).collect();
-    let choices = (0..1_usize << n).map(|choice| -> Vec<f64> {
-        let sign = |c: usize| if choice >> c & 1 == 1 { -1.0 } else { 1.0 };
-        (0..n).map(sign).collect()
+    let choices = (0..1_usize << moving.len()).map(|choice| -> Vec<f64> {
+        let mut signs = vec![1.0; n];
+        for (k, &c) in moving.iter().enumerate() {
+            if choice >> k & 1 == 1 {
+                signs[c] = -1.0;
+            }
+        }
+        signs
     });
     let mut ranked: Vec<(f64, Vec<Reading>)> = choices
         .filter_map(|signs| {
@@ -50,7 +63,8 @@ pub fn likely(windows: &Windows, model: &Model) -> Vec<Vec<Reading>> {
                 let (part, factors) = makes[c].explain(&needed.forces[c]);
                 left += (part / needed.squares[c] + FLOOR * FLOOR).ln();
                 let inputs = makes[c].inputs.iter().zip(factors);
-                readings.extend(inputs.map(|(&input, factor)| {
+                let heard = inputs.filter_map(|(&input, factor)| Some((input, factor?)));
+                readings.extend(heard.map(|(input, factor)| {
                     let scale = unit_of_input(factor / model.inputs[input].gain);
                     Reading::of(Signal::Input(input), scale, 0.0)
                 }));
@@ -78,10 +92,14 @@ pub struct Sample {
 struct Makes {
     /// The inputs on it.
     inputs: Vec<usize>,
-    /// A row a sample: these inputs, and a friction.
+    /// A row a sample: these inputs, and a friction; each over its norm.
     columns: DMatrix<f64>,
-    /// Its pseudo-inverse.
+    /// The norms.
+    norms: Vec<f64>,
+    /// Their pseudo-inverse.
     inverse: DMatrix<f64>,
+    /// Whether an input is told from the other columns.
+    heard: Vec<bool>,
 }
 
 impl Makes {
@@ -94,23 +112,37 @@ impl Makes {
             driven.chain(rubs).collect::<Vec<f64>>()
         };
         let rows: Vec<f64> = samples.iter().flat_map(row).collect();
-        let columns = DMatrix::from_row_slice(samples.len(), inputs.len() + 3, &rows);
-        let inverse = columns.clone().pseudo_inverse(ALIKE);
+        let mut columns = DMatrix::from_row_slice(samples.len(), inputs.len() + 3, &rows);
+        let mut norms = Vec::new();
+        for mut column in columns.column_iter_mut() {
+            norms.push(column.norm().max(f64::MIN_POSITIVE));
+            column /= column.norm().max(f64::MIN_POSITIVE);
+        }
+        let none = DMatrix::zeros(columns.ncols(), columns.nrows());
+        let inverted = |columns: &DMatrix<f64>| columns.clone().pseudo_inverse(ALIKE);
+        let is_heard = |input: usize| {
+            let others = columns.clone().remove_column(input);
+            let own = columns.column(input);
+            let along = inverted(&others).map(|inverse| &others * (inverse * own));
+            along.is_ok_and(|along| (own - along).norm() > SILENT)
+        };
         Makes {
-            inverse: inverse.unwrap_or_else(|_| columns.transpose() * 0.0),
+            heard: (0..inputs.len()).map(is_heard).collect(),
+            inverse: inverted(&columns).unwrap_or(none),
             inputs,
+            norms,
             columns,
         }
     }
 
-    /// Mean square of what is left of a force, and the factors of the inputs.
-    fn explain(&self, force: &DVector<f64>) -> (f64, Vec<f64>) {
+    /// Mean square of what is left of a force, and the factors of the inputs, of those that are heard.
+    fn explain(&self, force: &DVector<f64>) -> (f64, Vec<Option<f64>>) {
         let factors = &self.inverse * force;
         let left = force - &self.columns * &factors;
-        let factors = factors.iter().take(self.inputs.len());
+        let factor = |k: usize| self.heard[k].then(|| factors[k] / self.norms[k]);
         (
             left.norm_squared() / force.len().max(1) as f64,
-            factors.copied().collect(),
+            (0..self.inputs.len()).map(factor).collect(),
         )
     }
 }
@@ -132,11 +164,25 @@ impl Needed {
         let idle = hybrid.drive(&[0.0, 1.0], &idle, 1, &theta, &[]);
         let (mut memory, mut mass) = (hybrid.memory(&[]), DMatrix::zeros(n, n));
         let h = vec![0.0; hybrid.nh()];
-        let turned = |x: &[f64]| -> Vec<f64> { x.iter().zip(signs).map(|(x, s)| s * x).collect() };
+        let sensors = hybrid.readings(&theta, &[]);
+        let each = || signs.iter().zip(&sensors);
+        let of_position = |y: &[f64]| -> Vec<f64> {
+            let read = y.iter().zip(each());
+            read.map(|(y, (s, sensor))| sensor.position_of(s * y, 0.0))
+                .collect()
+        };
+        let of_rate = |y: &[f64]| -> Vec<f64> {
+            let read = y.iter().zip(each());
+            read.map(|(y, (s, sensor))| s * y / sensor.factor).collect()
+        };
         let mut forces = vec![DVector::zeros(samples.len()); n];
         let mut squares = vec![f64::MIN_POSITIVE; n];
         for (k, sample) in samples.iter().enumerate() {
-            let (q, v, a) = (turned(&sample.q), turned(&sample.v), turned(&sample.a));
+            let (q, v, a) = (
+                of_position(&sample.q),
+                of_rate(&sample.v),
+                of_rate(&sample.a),
+            );
             let state = State {
                 q: &q,
                 v: &v,

@@ -426,6 +426,18 @@ fn a_coordinate_that_never_moves_is_refused_where_something_would_have_to_hold_i
         .collect();
     let logs = [log(&model, &coasts, |row| row)];
     assert!(refuse_unmoved(&model, &logs).is_ok());
+
+    // One that hangs by itself, a step of its encoder off the lowest point or where a stop that nobody knows has it, while its neighbour is swung.
+    let text = "lagrangian = { coordinates = [\"a\", \"b\"], kinetic = \"0.5*a_dot^2 + 0.5*b_dot^2\", potential = \"-9.81*(cos(a) + cos(b))\" }\n\
+                [[input]]\nname = \"motor\"\njoint = \"a\"\n";
+    let two = Model::parse(Path::new("two.toml"), text.to_owned()).unwrap();
+    for resting in [0.0015, 0.4] {
+        let mut text = "t,q.a,q.b,u.motor\n".to_owned();
+        for (k, row) in rows.iter().enumerate() {
+            text += &format!("{:.2},{},{resting},{}\n", k as f64 * 0.02, row[1], row[2]);
+        }
+        assert!(refuse_unmoved(&two, &[parsed(&two, &text, false)]).is_ok());
+    }
 }
 
 #[test]

@@ -25,6 +25,8 @@ const FEWEST_SAMPLES: usize = 8;
 const ITERATIONS: (usize, usize) = (3, 4);
 /// A coordinate moves where it is off a straight line by so many times its noise.
 const MOVES: f64 = 10.0;
+/// A coordinate that is read as one number is off its line by what rounding leaves of it.
+const STILL: f64 = 1e-12;
 /// A share of less than this is none.
 pub const NONE: f64 = 0.02;
 /// Of friction that is no sign change.
@@ -75,7 +77,9 @@ impl Windows {
         // Jumps by a turn are no motion; nor are they there in degrees.
         let moves = |c: usize| {
             let of = |wraps: bool| Sizes::of(&runs, c, wraps);
-            let off = |sizes: Sizes| sizes.off_line > MOVES * sizes.noise;
+            let off = |sizes: Sizes| {
+                sizes.off_line > MOVES * sizes.noise && sizes.off_line > STILL * sizes.largest
+            };
             off(of(false)) || (coordinates[c].angular && off(of(true)))
         };
         let moving = (0..nv).map(moves).collect();
@@ -100,7 +104,12 @@ impl Windows {
         let sizes: Vec<Sizes> = sizes
             .map(|(c, wraps)| Sizes::of(&runs, c, *wraps))
             .collect();
-        let of_channel = |c: usize| (self.wraps[c], NONE * sizes[c].off_line);
+        // What stands still says nothing, however exactly.
+        let noise = |sizes: &Sizes| match sizes.off_line > STILL * sizes.largest {
+            true => NONE * sizes.off_line,
+            false => 1.0,
+        };
+        let of_channel = |c: usize| (self.wraps[c], noise(&sizes[c]));
         let observations = Observations {
             channels: channels(self.wraps.len(), of_channel),
             runs: runs.iter().map(observed).collect(),
@@ -204,6 +213,8 @@ struct Sizes {
     /// How far it is off the straight line, in the median.
     off_line: f64,
     noise: f64,
+    /// The largest reading.
+    largest: f64,
 }
 
 impl Sizes {
@@ -221,6 +232,10 @@ impl Sizes {
         Sizes {
             off_line: off_line.max(f64::MIN_POSITIVE),
             noise: noise(&readings),
+            largest: columns
+                .iter()
+                .flatten()
+                .fold(f64::MIN_POSITIVE, |a, x| a.max(x.abs())),
         }
     }
 }
