@@ -87,8 +87,8 @@ fn log(model: &Model, rows: &[[f64; 3]], as_logged: impl Fn([f64; 3]) -> [f64; 3
     parsed(model, &text, false)
 }
 
-fn model() -> Model {
-    let text = format!(
+fn text() -> String {
+    format!(
         "lagrangian = {{ coordinates = [\"x\", \"phi\"], angles = [\"phi\"], \
          kinetic = \"0.5*{total}*x_dot^2 + {swing}*x_dot*phi_dot*cos(phi) + {turn}*phi_dot^2\", potential = \"-{weight}*cos(phi)\" }}\n\
          [[input]]\nname = \"motor\"\njoint = \"x\"\n",
@@ -96,8 +96,11 @@ fn model() -> Model {
         swing = BOB * LENGTH,
         turn = 0.5 * BOB * LENGTH * LENGTH,
         weight = BOB * 9.81 * LENGTH,
-    );
-    Model::parse(Path::new("cart.toml"), text).unwrap()
+    )
+}
+
+fn model() -> Model {
+    Model::parse(Path::new("cart.toml"), text()).unwrap()
 }
 
 /// What is changed, as the model's file has it.
@@ -421,6 +424,17 @@ fn a_coordinate_that_never_moves_is_refused_where_something_would_have_to_hold_i
     assert_eq!(refused(&|row| row), [""; 0]);
     assert_eq!(refused(&|[_, phi, u]| [0.01, phi, u]), ["q.x"]);
     assert_eq!(refused(&|[x, _, u]| [x, 3.0, u]), ["q.phi"]);
+    // Beside friction that is known, which may or may not hold it.
+    for (force, is_refused) in [(0.2, true), (50.0, false)] {
+        let rubs = format!(
+            "{}\n[[effect]]\nkind = \"coulomb_friction\"\njoint = \"x\"\nforce = {force:?}\n",
+            text()
+        );
+        let model = Model::parse(Path::new("cart.toml"), rubs).unwrap();
+        let logs = [log(&model, &rows, |[_, phi, u]| [0.01, phi, u])];
+        let refused = refuse_unmoved(&model, &logs);
+        assert_eq!(refused.is_err(), is_refused, "{force}");
+    }
     let coasts: Vec<[f64; 3]> = (0..1000)
         .map(|k| [0.01 * k as f64 + NOISE.0 * pseudo(k, 0.2), 0.0, 0.0])
         .collect();

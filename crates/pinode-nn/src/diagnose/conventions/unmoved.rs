@@ -1,5 +1,6 @@
 //! Coordinates that never move in a log though the equations ask them to: a sensor that is dead, or a joint that something holds.
 
+use integrators::event::Direction;
 use nalgebra::DVector;
 
 use super::signs::{Needed, Sample};
@@ -8,10 +9,12 @@ use crate::Error;
 use crate::entries::q_names;
 use crate::error::Unmoved;
 use crate::log::Log;
-use crate::model::{Model, Target};
+use crate::model::{EffectEntry, Model, Target};
 
 /// What holds a coordinate varies by this part of what acts on it, or more: what is constant may be a model that is a little off, or a load that it does not know.
 const HELD: f64 = 0.3;
+/// What it varies by is beyond so many times the friction that the model knows there.
+const STRONGER: f64 = 2.0;
 /// Inputs that follow what is needed to hold it so closely, by whatever factor, do hold it: a servo that is logged in other units.
 const FOLLOWS: f64 = 0.5;
 
@@ -20,7 +23,7 @@ const FOLLOWS: f64 = 0.5;
 /// r = M q̈ + C q̇ + G − Q
 ///
 /// that would hold it there, with the others moving as they do, varies by a good part of those on the right, and the inputs on it do not follow that. Nothing can be
-/// said of what the model lacks where its state is not known, and the search for it takes minutes. What the model knows to stick, to stop or to change an input is
+/// said of what the model lacks where its state is not known, and the search for it takes minutes. What the model knows to remember, to stop or to change an input is
 /// not asked, nor where loops are closed or inputs act on links.
 ///
 /// # Errors
@@ -58,12 +61,23 @@ pub fn refuse_unmoved(model: &Model, logs: &[Log]) -> Result<(), Error> {
         model.effects.iter().any(|effect| match effect.target {
             Target::Input(input) => on[input] == c,
             Target::Coordinate(own) => {
-                let kind = effect.kind;
-                let holds = kind.dry().is_some() || kind.stop().is_some() || kind.states() > 0;
-                own == c && holds
+                own == c && (effect.kind.stop().is_some() || effect.kind.states() > 0)
             }
             Target::Link(_) => false,
         })
+    };
+    let friction = |c: usize, q: f64| -> f64 {
+        let on_it = model
+            .effects
+            .iter()
+            .filter(|e| e.target == Target::Coordinate(c));
+        let size = |e: &EffectEntry| {
+            let dry = e.kind.dry()?;
+            let sizes = [Direction::Positive, Direction::Negative];
+            let sizes = sizes.map(|way| dry.size(way, q, 0.0, &e.values));
+            Some(sizes[0].max(sizes[1]))
+        };
+        on_it.filter_map(size).sum()
     };
     let held = |(c, (value, readings)): (usize, (f64, usize))| {
         let on_it = |s: &Sample| -> f64 {
@@ -79,7 +93,8 @@ pub fn refuse_unmoved(model: &Model, logs: &[Log]) -> Result<(), Error> {
         let all = pushed.norm_squared() / samples.len().max(1) as f64 + needed.squares[c];
         let holding = (push - ask).norm_squared() / samples.len().max(1) as f64;
         let follows = follows && pushed.norm_squared() > 0.0;
-        let is_held = holding > HELD * HELD * all && !follows && !knows_what_holds(c);
+        let is_beyond = holding.sqrt() > HELD * all.sqrt() + STRONGER * friction(c, value);
+        let is_held = is_beyond && !follows && !knows_what_holds(c);
         is_held.then(|| Unmoved {
             column: names[c].clone(),
             value,
