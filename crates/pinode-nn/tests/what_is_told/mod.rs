@@ -95,6 +95,20 @@ fn an_input_of_the_wrong_sign_is_said_to_count_the_other_way_round() {
     assert!(found.gap.after < 3.0, "{:?}", found.gap);
 }
 
+/// No sign makes up for a motor that is turned round and has a third of its strength: that is an effect, and the advice asks for the sign.
+#[test]
+fn a_weak_input_of_the_wrong_sign_is_said_to_be_reversed() {
+    let found = diagnosed(&model(false), log(1, |_, [_, v], u| -0.3 * u - VISCOUS * v));
+    let [effect] = found.effects.as_slice() else {
+        panic!("{:?}", found.effects);
+    };
+    assert_eq!(effect.kind, "input_gain_error");
+    let gain = effect.parameters["gain"].value;
+    assert!((gain + 1.3).abs() < 0.02, "{gain}");
+    assert!(advises(&found, "the other way round"), "{:?}", found.advice);
+    assert!(found.gap.after < 3.0, "{:?}", found.gap);
+}
+
 #[test]
 fn a_motor_that_weakens_is_said_to_change_with_time() {
     let weaker = |t: f64| 1.0 - 0.3 * t / 60.0;

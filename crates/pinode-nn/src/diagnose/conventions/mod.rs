@@ -8,6 +8,7 @@
 //! in the median of the windows, compares it with the straight line through each: it has no unit, and needs to know nothing of the sensor. A model that lacks an
 //! effect leaves a few hundredths; one that is told the wrong sign a good part of the motion.
 
+mod needed;
 mod reading;
 mod signs;
 #[cfg(test)]

@@ -3,8 +3,8 @@
 use integrators::event::Direction;
 use nalgebra::DVector;
 
-use super::signs::{Needed, Sample};
-use super::windows::Windows;
+use super::needed::Needed;
+use super::windows::{Sample, Windows};
 use crate::Error;
 use crate::entries::q_names;
 use crate::error::Unmoved;

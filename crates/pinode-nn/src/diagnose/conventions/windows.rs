@@ -1,7 +1,6 @@
 //! What a model leaves of some short windows of a log that are read in some way.
 
 use super::reading::{Reading, Signal, read};
-use super::signs::Sample;
 use crate::diagnose::audit::{Readings, median, noise};
 use crate::diagnose::pace::Pace;
 use crate::diagnose::smooth::{polynomial, smooth, unwrapped};
@@ -206,6 +205,15 @@ impl Windows {
         let moving = shares.iter().zip(&self.moving).filter(|(_, moves)| **moves);
         moving.map(|(share, _)| *share).fold(0.0, f64::max)
     }
+}
+
+/// A sample of a smoothed recording.
+pub struct Sample {
+    pub q: Vec<f64>,
+    pub v: Vec<f64>,
+    pub a: Vec<f64>,
+    /// The inputs, smoothed as the accelerations are.
+    pub u: Vec<f64>,
 }
 
 /// The sizes of a coordinate in the windows.
