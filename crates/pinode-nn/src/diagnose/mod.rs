@@ -28,6 +28,7 @@ mod elsewhere;
 mod experiment;
 mod found;
 mod gap;
+mod half_steps;
 mod horizons;
 mod idle;
 pub(crate) mod kept;

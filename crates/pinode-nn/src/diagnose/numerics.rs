@@ -4,6 +4,7 @@ use std::f64::consts::SQRT_2;
 
 use super::candidate::Candidate;
 use super::comparison::Comparison;
+use super::half_steps::with_steps_as_short_as_it_shows;
 use super::search::Search;
 use super::stops::hardened;
 use super::study::{Fitted, MOST_SUBSTEPS, Study};
@@ -108,6 +109,7 @@ pub fn finer(search: &mut Search, report: &dyn Fn(&str)) -> (Study, Vec<(Study, 
     if may_sharpen {
         take("friction that sticks", sharpened);
     }
+    take("shorter steps", with_steps_as_short_as_it_shows);
     (study, before)
 }
 

@@ -9,6 +9,7 @@ mod paces;
 mod payload;
 mod pendulum;
 mod resting;
+mod ringing;
 mod sticking;
 
 use pinode_nn::diagnose::verdict::Verdict;
