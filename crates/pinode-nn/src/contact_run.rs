@@ -113,11 +113,13 @@ pub(crate) fn roll_system(
     initial: &[f64],
 ) -> Result<EventRollOut, ContactRunError> {
     NoSuchSpan::check(inputs, (first, count))?;
-    let substeps = inputs.grid.substeps;
     let bounds = &inputs.grid.bounds;
     let stopped = |sample: usize| {
         move |cause| ContactRunError::Stopped {
-            time: bounds.get(sample * substeps).copied().unwrap_or_default(),
+            time: bounds
+                .get(inputs.grid.steps_from(sample).start)
+                .copied()
+                .unwrap_or_default(),
             cause,
             laws: system.touches().iter().map(ToString::to_string).collect(),
         }
@@ -128,9 +130,9 @@ pub(crate) fn roll_system(
     states.push(state.clone());
     let mut seen = 0;
     for sample in first..(first + count).saturating_sub(1) {
-        let steps = sample * substeps..(sample + 1) * substeps;
+        let steps = inputs.grid.steps_from(sample);
         let intervals = bounds.windows(2).enumerate().skip(steps.start);
-        for (step, interval) in intervals.take(substeps) {
+        for (step, interval) in intervals.take(steps.len()) {
             let &[from, to] = interval else { continue };
             stepper
                 .advance(system, (from, to - from, 1), &step, &mut state)

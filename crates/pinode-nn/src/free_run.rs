@@ -59,6 +59,7 @@ pub fn initial_states(model: &Model, run: &Run, kind: Initial) -> Vec<Vec<f64>> 
     match kind {
         Initial::Estimated => {
             let observed = ObservedRun {
+                finer: Vec::new(),
                 t: run.t.clone(),
                 u: Vec::new(),
                 valid: vec![vec![true; run.len()]; q.len()],
@@ -168,7 +169,7 @@ impl NoSuchSpan {
         inputs: &DrivenInputs,
         (first, count): (usize, usize),
     ) -> Result<(), NoSuchSpan> {
-        let samples = inputs.grid.steps() / inputs.grid.substeps.max(1) + 1;
+        let samples = inputs.grid.samples().max(1);
         match first.checked_add(count) {
             Some(end) if count > 0 && end <= samples => Ok(()),
             _ => Err(NoSuchSpan {

@@ -156,7 +156,7 @@ pub(crate) fn compare(
             largest,
             starts: starts.and_then(|(run, sample)| {
                 let grid = &inputs.get(run)?.grid;
-                let t = *grid.bounds.get(sample * grid.substeps)?;
+                let t = *grid.bounds.get(grid.steps_from(sample).start)?;
                 Some(Onset { run, t })
             }),
         }

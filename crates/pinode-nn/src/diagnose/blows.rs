@@ -164,6 +164,7 @@ mod tests {
                 noise,
             }],
             runs: vec![ObservedRun {
+                finer: Vec::new(),
                 t: (0..y.len()).map(|k| DT * k as f64).collect(),
                 valid: vec![vec![true; y.len()]],
                 u: vec![],

@@ -245,7 +245,7 @@ fn rolled(
     let inputs: Vec<_> = observations
         .runs
         .iter()
-        .map(|run| hybrid.drive(&run.t, &run.u, substeps, theta, &[]))
+        .map(|run| run.drive(hybrid, substeps, theta, &[]))
         .collect();
     let mut roller = Roller::new(hybrid, &[]);
     windows
@@ -283,6 +283,7 @@ mod tests {
     #[test]
     fn some_samples_run_free_however_coarse_the_log_is() {
         let run = |interval: f64| ObservedRun {
+            finer: Vec::new(),
             t: (0..40).map(|k| interval * f64::from(k)).collect(),
             u: Vec::new(),
             y: Vec::new(),

@@ -25,7 +25,7 @@ const ITERATIONS: usize = 6;
 pub fn moved(study: &Study, fitted: &Fitted) -> Vec<f64> {
     let (hybrid, theta) = (&fitted.hybrid, &fitted.inside.theta);
     let (windows, free) = (&study.windows.fit, fitted.inside.free.len());
-    let drive = |run: &ObservedRun| hybrid.drive(&run.t, &run.u, 2 * fitted.substeps, theta, &[]);
+    let drive = |run: &ObservedRun| run.drive(hybrid, 2 * fitted.substeps, theta, &[]);
     let inputs: Vec<_> = study.observations.runs.iter().map(drive).collect();
     let members: Vec<Member> = windows
         .iter()

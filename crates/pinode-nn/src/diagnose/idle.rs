@@ -78,6 +78,7 @@ pub mod tests {
                 noise: 1e-3,
             }],
             runs: vec![ObservedRun {
+                finer: Vec::new(),
                 u: vec![u],
                 y: vec![y],
                 valid: vec![vec![true; t.len()]],

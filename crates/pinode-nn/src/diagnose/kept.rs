@@ -214,7 +214,8 @@ fn key(study: &Study, hybrid: &Hybrid, start: &Start, iterations: [usize; 2]) ->
     out.float(study.interval);
     let stiff = usize::from(hybrid.is_stiff());
     let counts = [
-        study.substeps,
+        study.steps.substeps,
+        study.steps.about_rests,
         study.finer,
         stiff,
         iterations[0],

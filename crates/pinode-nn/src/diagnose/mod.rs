@@ -60,6 +60,7 @@ mod slight;
 pub(crate) mod smooth;
 mod starts;
 mod step;
+mod step_length;
 mod stops;
 mod study;
 mod twins;
@@ -246,7 +247,7 @@ pub(crate) fn diagnose_into(
     };
     let (study, mut proved) = proof.shrinking(study, coarse, &mut search, &provenance, report)?;
     let study = &study;
-    provenance.substeps = study.substeps * study.finer;
+    provenance.substeps = study.steps.substeps * study.finer;
     let at_fault = data_faults.iter().any(audit::contradicts);
     let contradicted = search.found.is_empty() && !at_fault && misfit::is_contradicted(&proved.gap);
     let something_is_left =
@@ -406,6 +407,6 @@ fn provenance(
         seed,
         windows: [study.windows.fit.len(), study.windows.held_out.len()],
         window_s: study.pace.window(),
-        substeps: study.substeps,
+        substeps: study.steps.substeps,
     }
 }

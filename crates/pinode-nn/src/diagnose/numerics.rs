@@ -7,13 +7,11 @@ use super::comparison::Comparison;
 use super::half_steps::with_steps_as_short_as_it_shows;
 use super::search::Search;
 use super::stops::hardened;
-use super::study::{Fitted, MOST_SUBSTEPS, Study};
+use super::study::{Fitted, Study};
 use crate::hybrid::{Hybrid, Placed};
-use crate::shooting::{Member, Window, roll_all};
+use crate::shooting::Window;
 use crate::smoothing::{SmoothingError, VISIBLE, compare};
 
-/// The integration step is halved until that moves the roll-outs by less than this part of the noise.
-const STEP_ERROR: f64 = 0.3;
 /// Dry friction that a search goes on beside is fitted again when sticking would move a coordinate by more than what shows, that of its result when it would
 /// by this, in units of the noise: half its square, 0.05 nats a sample, is the least gain that counts for an effect. Beside residuals that are
 /// larger than the noise the same is true of them.
@@ -67,7 +65,7 @@ fn moved_by_sticking(study: &Study, fitted: &Fitted, units: &[f64]) -> Option<Sm
     let inputs: Vec<_> = observations
         .runs
         .iter()
-        .map(|run| hybrid.drive(&run.t, &run.u, fitted.substeps, theta, &[]))
+        .map(|run| run.drive(hybrid, fitted.substeps, theta, &[]))
         .collect();
     compare(hybrid, theta, &inputs, &windows, units).ok()
 }
@@ -163,13 +161,10 @@ pub fn sharp(study: &Study, fitted: &Fitted, limit: f64) -> Refined {
         hybrid: hybrid.clone(),
         ..fitted.clone()
     };
-    while has_coarse_steps(&study, &sharp, &visible) {
-        study.finer *= 2;
-        sharp.substeps = study.substeps_for(&hybrid, &sharp.inside.theta);
-    }
+    study = study.with_short_steps(&sharp, &visible).unwrap_or(study);
     sharp = fit(&study, &sharp);
-    while has_coarse_steps(&study, &sharp, &visible) {
-        study.finer *= 2;
+    while let Some(shorter) = study.with_short_steps(&sharp, &visible) {
+        study = shorter;
         sharp = fit(&study, &sharp);
     }
     Some((study, sharp))
@@ -224,75 +219,6 @@ pub fn soft(hybrid: &Hybrid) -> impl Iterator<Item = &Placed> {
 /// Whether an effect is dry friction that is spread over more speeds than that is: by no numerical smoothing.
 pub fn is_soft(hybrid: &Hybrid, placed: &Placed) -> bool {
     is_dry(placed) && placed.smoothing > SOFT * hybrid.default_smoothing(placed.target)
-}
-
-/// Whether shorter steps would move the roll-outs by more than [`STEP_ERROR`], and may be taken.
-pub fn is_coarse(study: &Study, fitted: &Fitted) -> bool {
-    has_coarse_steps(study, fitted, &study.observations.noise())
-}
-
-/// The same in these units, one a channel.
-fn has_coarse_steps(study: &Study, fitted: &Fitted, units: &[f64]) -> bool {
-    fitted.substeps < MOST_SUBSTEPS && step_error(study, fitted, units) > STEP_ERROR
-}
-
-/// The largest change of a simulated measurement by half the integration step, in these units, in all but one window of ten: those
-/// near an unstable point magnify every error, and every finding is tried again with half the step. Of a stiff model in half of the windows: the moments at
-/// which joints stick take steps that are many times shorter, of order 1.5, for what is in few samples.
-fn step_error(study: &Study, fitted: &Fitted, units: &[f64]) -> f64 {
-    let observations = &study.observations;
-    let theta = &fitted.inside.theta;
-    let nx = fitted.hybrid.nx();
-    let drive = |substeps: usize| -> Vec<_> {
-        observations
-            .runs
-            .iter()
-            .map(|run| fitted.hybrid.drive(&run.t, &run.u, substeps, theta, &[]))
-            .collect()
-    };
-    let rolled = |substeps: usize| {
-        let inputs = drive(substeps);
-        let members: Vec<Member> = study
-            .windows
-            .fit
-            .iter()
-            .zip(&fitted.inside.states)
-            .map(|(window, initial)| Member {
-                inputs: &inputs[window.run],
-                span: (window.first, window.count),
-                initial,
-            })
-            .collect();
-        roll_all((&fitted.hybrid, theta, &[]), &members, false)
-    };
-    let both = rolled(fitted.substeps).into_iter();
-    let both = both.zip(rolled(2 * fitted.substeps));
-    let mut errors: Vec<f64> = Vec::new();
-    for (window, pair) in study.windows.fit.iter().zip(both) {
-        let (Some(a), Some(b)) = pair else {
-            continue;
-        };
-        let mut worst = 0.0_f64;
-        for (channel, unit) in observations.channels.iter().zip(units) {
-            let place = channel.coordinate
-                + if channel.velocity {
-                    fitted.hybrid.nq()
-                } else {
-                    0
-                };
-            for k in 0..window.count {
-                let d = a.states[k * nx + place] - b.states[k * nx + place];
-                worst = worst.max(d.abs() / unit);
-            }
-        }
-        errors.push(worst);
-    }
-    errors.sort_by(f64::total_cmp);
-    let counts = match fitted.hybrid.is_stiff() {
-        true => errors.len() / 2,
-        false => errors.len() * 9 / 10,
-    };
-    errors.get(counts).copied().unwrap_or(0.0)
 }
 
 #[cfg(test)]

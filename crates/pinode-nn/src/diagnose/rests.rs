@@ -213,6 +213,7 @@ mod tests {
             }
         }
         let run = ObservedRun {
+            finer: Vec::new(),
             valid: vec![vec![true; y.len()]],
             t,
             u: vec![u],

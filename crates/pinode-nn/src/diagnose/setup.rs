@@ -6,11 +6,12 @@ use super::Means;
 use super::audit::{Masked, excitation};
 use super::comparison::Comparison;
 use super::idle;
-use super::numerics::{is_coarse, sharp};
+use super::numerics::sharp;
 use super::pace::Pace;
 use super::scales::scales;
 use super::smooth::{Smoothed, smooth};
-use super::study::{Fitted, MOST_SUBSTEPS, Start, Study};
+use super::step_length::StepLength;
+use super::study::{Fitted, Start, Study};
 use super::verdict::Excitation;
 use crate::Error;
 use crate::effect::Between;
@@ -88,15 +89,14 @@ pub fn prepare(
         &names,
     );
     let interval = observations.typical_interval();
-    let coarsest = pace.coarsest_step(hybrid.is_stiff());
-    let substeps = ((interval / coarsest).ceil() as usize).clamp(1, MOST_SUBSTEPS);
-
+    let steps = StepLength::first(&hybrid, &smoothed, &pace, interval);
+    let (each, about_rests) = (steps.substeps, steps.about_rests);
     let mut study = Study {
         pace,
         scales,
         smoothed: Arc::new(smoothed.clone()),
         interval,
-        substeps,
+        steps,
         finer: 1,
         may_sharpen: model.effects.iter().all(|e| e.smoothing.is_none()),
         without: means.without.clone(),
@@ -105,6 +105,7 @@ pub fn prepare(
         observations,
         windows,
     };
+    study = study.stepped(each, about_rests);
     let theta = hybrid.theta();
     let measured = |windows: &[Window]| study.starts(&hybrid, &theta, windows, None);
     let start = Start {
@@ -121,8 +122,8 @@ pub fn prepare(
     };
     let mut null = study.fit(hybrid, start, 6, 20);
     // The step: fine enough that half of it changes nothing.
-    while is_coarse(&study, &null) {
-        study.substeps *= 2;
+    while let Some(shorter) = study.with_short_steps(&null, &study.observations.noise()) {
+        study = shorter;
         let start = null.start(null.inside.theta.clone());
         null = study.fit(null.hybrid.clone(), start, 2, 20);
     }

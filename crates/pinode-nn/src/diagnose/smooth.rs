@@ -165,6 +165,7 @@ mod tests {
         let q = |t: f64| 1.0 + 2.0 * t - 3.0 * t * t + 4.0 * t.powi(3);
         let y = t.iter().map(|&t| wrap_angle(q(t))).collect();
         let run = ObservedRun {
+            finer: Vec::new(),
             valid: vec![vec![true; t.len()]],
             u: vec![],
             y: vec![y],

@@ -9,6 +9,7 @@ use super::pushes::is_push;
 use super::remainder::{Remainder, remainder};
 use super::scales::MotionScales;
 use super::smooth::Smoothed;
+use super::step_length::StepLength;
 use crate::effect::Kind;
 use crate::hybrid::{HiddenPath, Hybrid, Placed};
 use crate::shooting::{Fit, FitOptions, HiddenPrior, Observations, Window, Windows, fit};
@@ -48,7 +49,7 @@ pub struct Study {
     /// Typical time between two samples, s.
     pub interval: f64,
     /// Integration steps per log sample.
-    pub substeps: usize,
+    pub steps: StepLength,
     /// All steps are shorter by this factor: 2 to see whether a finding is numerical.
     pub finer: usize,
     /// Whether dry friction may be made sharper than the model says; who says how sharp it is, is taken at his word.
@@ -170,12 +171,18 @@ impl Study {
         let memory = hybrid.fastest_memory(theta, &self.scales);
         let blows = hybrid.fastest_blow(theta, &self.scales);
         let rate = memory.max(RESOLVED / RESOLVED_BLOWS * blows);
-        let most = MOST_SUBSTEPS.min(MOST_REFINED * self.substeps);
-        let mut substeps = self.substeps;
+        let each = self.steps.substeps;
+        let most = MOST_SUBSTEPS.min(MOST_REFINED * each);
+        let mut substeps = each;
         while substeps < most && self.interval * rate > RESOLVED * substeps as f64 {
             substeps *= 2;
         }
         substeps * self.finer
+    }
+
+    /// The same in a simulation, of which nobody knows beforehand where it rests.
+    pub fn substeps_anywhere(&self, hybrid: &Hybrid, theta: &[f64]) -> usize {
+        self.substeps_for(hybrid, theta) * self.steps.about_rests
     }
 
     /// Whether these steps follow the effects with a memory of a model at θ: what is much faster than the samples is not in the data.
@@ -233,7 +240,7 @@ impl Study {
             .iter()
             .zip(self.smoothed.iter())
             .map(|(run, smoothed)| {
-                let inputs = hybrid.drive(&run.t, &run.u, substeps, theta, &[]);
+                let inputs = run.drive(hybrid, substeps, theta, &[]);
                 hybrid.hidden_path(theta, &inputs, &|k| smoothed.behind(&readings, &run.t, k))
             })
             .collect()

@@ -35,16 +35,20 @@ impl Between {
 
     /// The means over the steps of `grid` of an input with the samples `u`, one a sample of the grid; NaN where one is missing.
     pub fn over_steps(self, grid: &Grid, u: &[f64]) -> Vec<f64> {
-        let n = grid.substeps;
         let known = |k: usize| u.get(k).copied().unwrap_or(f64::NAN);
         let Between::Smooth = self else {
-            return (0..grid.steps()).map(|step| known(step / n)).collect();
+            let samples = 0..grid.samples();
+            let held = samples.flat_map(|k| grid.steps_from(k).map(move |_| known(k)));
+            return held.collect();
         };
-        let t: Vec<f64> = grid.bounds.iter().copied().step_by(n).collect();
+        let samples = 0..grid.samples();
+        let at = |k: usize| grid.bounds.get(grid.steps_from(k).start).copied();
+        let t: Vec<f64> = samples.filter_map(at).collect();
         let u: Vec<f64> = (0..t.len()).map(known).collect();
         let slopes = slopes(&t, &u);
         let mut means = Vec::with_capacity(grid.steps());
-        for k in 0..grid.steps() / n {
+        for k in 0..t.len().saturating_sub(1) {
+            let n = grid.steps_from(k).len();
             let (h, rise) = (t[k + 1] - t[k], u[k + 1] - u[k]);
             let (leaving, arriving) = (h * slopes[k] - rise, rise - h * slopes[k + 1]);
             let at =
@@ -107,6 +111,23 @@ mod tests {
     /// ∫ of the sine over a step, over its length.
     fn mean(omega: f64, a: f64, b: f64) -> f64 {
         ((omega * a).cos() - (omega * b).cos()) / (omega * (b - a))
+    }
+
+    #[test]
+    fn means_over_steps_of_unlike_lengths_are_those_of_the_intervals() {
+        let t: Vec<f64> = (0..9).map(|k| 0.3 * f64::from(k)).collect();
+        let u: Vec<f64> = t.iter().map(|t| (2.0 * t).sin()).collect();
+        let times = [1, 3, 2, 1, 1, 4, 1, 2];
+        let (whole, cut) = (Grid::new(&t, 1), Grid::finer(&t, 2, &times));
+        for between in Between::ALL {
+            let (mean, means) = (between.over_steps(&whole, &u), between.over_steps(&cut, &u));
+            assert_eq!(means.len(), cut.steps());
+            for (k, mean) in mean.iter().enumerate() {
+                let own = &means[cut.steps_from(k)];
+                let of_all = own.iter().sum::<f64>() / own.len() as f64;
+                assert!((of_all - mean).abs() < 1e-14, "{between:?} {k}");
+            }
+        }
     }
 
     #[test]

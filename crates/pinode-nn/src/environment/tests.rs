@@ -133,7 +133,7 @@ fn steps_are_the_free_run_under_the_same_inputs() {
         let theta = hybrid.theta();
         let columns = std::slice::from_ref(&u);
         let inputs = hybrid.drive(&t, columns, substeps(&t, LONGEST_STEP), &theta, &[]);
-        let last = (first * inputs.grid.substeps).saturating_sub(1);
+        let last = (first * inputs.grid.substeps()).saturating_sub(1);
         let hidden = hybrid.hidden_start(&start[2..], &theta, &inputs, last);
         let mut rolled = Trajectory::default();
         let initial = [&start[..], &hidden].concat();

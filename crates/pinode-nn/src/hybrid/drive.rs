@@ -24,7 +24,17 @@ impl Hybrid {
         theta: &[f64],
         free: &[usize],
     ) -> DrivenInputs {
-        let grid = Grid::new(t, substeps);
+        self.drive_on(Grid::new(t, substeps), u, theta, free)
+    }
+
+    /// The same on a grid with other steps.
+    pub fn drive_on(
+        &self,
+        grid: Grid,
+        u: &[Vec<f64>],
+        theta: &[f64],
+        free: &[usize],
+    ) -> DrivenInputs {
         let forces = u
             .iter()
             .enumerate()

@@ -84,9 +84,9 @@ impl Hybrid {
             h.copy_from_slice(&start[own.clone()]);
             for sample in 0..samples - 1 {
                 let (a, b) = (&states[sample], &states[sample + 1]);
-                let substeps = inputs.grid.substeps;
-                for sub in 0..substeps {
-                    let step = sample * substeps + sub;
+                let steps = inputs.grid.steps_from(sample);
+                let substeps = steps.len();
+                for (sub, step) in steps.enumerate() {
                     let from = sub as f64 / substeps as f64;
                     let width = 1.0 / substeps as f64;
                     let duration = inputs.grid.bounds[step + 1] - inputs.grid.bounds[step];

@@ -7,7 +7,7 @@ const SAME: f64 = 1e-12;
 /// The inputs of one recording between the instants at which they jump, for steps that adapt: no step straddles a jump.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HeldInputs {
-    /// The forces between one instant and the next; a step of the grid is not a step of a method here, and the substeps are 1.
+    /// The forces between one instant and the next; a step of the grid is not a step of a method here.
     pub inputs: DrivenInputs,
     /// Which bounds of the grid are the samples.
     pub samples: Vec<usize>,
@@ -129,10 +129,7 @@ impl Hybrid {
         }
         HeldInputs {
             inputs: DrivenInputs {
-                grid: Grid {
-                    bounds,
-                    substeps: 1,
-                },
+                grid: Grid::of_steps(bounds),
                 forces,
             },
             samples,

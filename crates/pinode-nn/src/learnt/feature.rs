@@ -108,7 +108,7 @@ impl Quantity {
                     .forces
                     .get(input)
                     .map_or(&[][..], |force| &force.value);
-                let step = sample.saturating_sub(back) * inputs.grid.substeps;
+                let step = inputs.grid.steps_from(sample.saturating_sub(back)).start;
                 values
                     .get(step)
                     .or(values.last())
@@ -281,7 +281,8 @@ impl Seen<'_> {
     /// The integration step of a lane `back` samples ago; the first of its recording where that was before it.
     #[inline(always)]
     fn step(&self, lane: usize, back: usize) -> usize {
-        self.eight.steps[lane].saturating_sub(back * self.eight.inputs[lane].grid.substeps)
+        let (step, grid) = (self.eight.steps[lane], &self.eight.inputs[lane].grid);
+        grid.step_back(step, back)
     }
 
     /// Sine and cosine of coordinate `c`, those in `last` where they are its.

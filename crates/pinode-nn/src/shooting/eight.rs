@@ -1,5 +1,7 @@
 //! Roll-outs of eight windows at once, with exact sensitivities.
 
+use std::ops::Range;
+
 use lagrange::LANES;
 use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
@@ -55,7 +57,7 @@ impl<'a> EightRoller<'a> {
         }
     }
 
-    /// Rolls out up to eight windows with the same number of samples and of steps between them: as
+    /// Rolls out up to eight windows with the same number of samples: as
     /// [`Roller::roll`](super::Roller::roll) each. An error is that of any of them.
     pub fn roll(
         &mut self,
@@ -90,9 +92,8 @@ impl<'a> EightRoller<'a> {
         };
         // Lanes that are left over repeat the last window.
         let members: [&Member; LANES] = std::array::from_fn(|k| members.get(k).unwrap_or(last));
-        let inputs = members.map(|member| member.inputs);
-        let (count, substeps) = (last.span.1, last.inputs.grid.substeps);
-        let nx = self.hybrid.nx();
+        let lanes = Lanes::new(&members);
+        let (count, nx) = (last.span.1, self.hybrid.nx());
         for lanes in [&mut self.base, &mut self.point, &mut self.sum] {
             lanes.resize(columns * nx, [0.0; LANES]);
         }
@@ -112,33 +113,30 @@ impl<'a> EightRoller<'a> {
         if let Some(stiff) = &mut self.stiff {
             stiff.forget();
         }
-        self.keep(out);
-        for sample in 0..count - 1 {
-            for step in 0..substeps {
-                let steps = members.map(|m| (m.span.0 + sample) * substeps + step);
-                self.step(theta, &Eight { inputs, steps })?;
+        self.keep(out, [true; LANES]);
+        for step in 0..lanes.longest() {
+            let at = lanes.at(step);
+            self.step(theta, &at, lanes.lengths(&at, step))?;
+            let ends = lanes.ends(&at, step);
+            if ends.contains(&true) {
+                Diverged::check(self.base.as_flattened())?;
+                self.keep(out, ends);
             }
-            Diverged::check(self.base.as_flattened())?;
-            self.keep(out);
         }
         Ok(())
     }
 
-    /// Appends the present (x, S) to each window's own.
-    fn keep(&self, out: &mut [Trajectory]) {
+    /// Appends the present (x, S) to those of the windows that are at a sample.
+    fn keep(&self, out: &mut [Trajectory], there: [bool; LANES]) {
         let (x, s) = self.base.split_at(self.hybrid.nx());
-        for (lane, out) in out.iter_mut().enumerate() {
+        for (lane, out) in out.iter_mut().enumerate().filter(|(lane, _)| there[*lane]) {
             out.states.extend(x.iter().map(|x| x[lane]));
             out.sensitivities.extend(s.iter().map(|s| s[lane]));
         }
     }
 
-    /// One step for (x, S), Ṡ = (∂f/∂x) S + ∂f/∂θ: of the classical Runge-Kutta method unless the model is [stiff](Stiff).
-    pub(super) fn step(&mut self, theta: &[f64], at: &Eight<'_>) -> Result<(), Diverged> {
-        let h = std::array::from_fn(|lane| {
-            let (bounds, step) = (&at.inputs[lane].grid.bounds, at.steps[lane]);
-            bounds[step + 1] - bounds[step]
-        });
+    /// One step of the length `h` for (x, S), Ṡ = (∂f/∂x) S + ∂f/∂θ: of the classical Runge-Kutta method unless the model is [stiff](Stiff).
+    pub(super) fn step(&mut self, theta: &[f64], at: &Eight<'_>, h: Lane) -> Result<(), Diverged> {
         if let Some(stiff) = &mut self.stiff {
             let (hybrid, arch) = (self.hybrid, self.arch);
             let on = On {
@@ -251,11 +249,95 @@ impl<const STAGE: usize> Stage<'_, STAGE> {
     }
 }
 
-/// Windows beside each other with the same number of samples and of steps between them, at most `most` together.
-pub(super) fn alike<'m, 'a>(members: &'m [Member<'a>], most: usize) -> Vec<&'m [Member<'a>]> {
-    let steps = |member: &Member| (member.span.1, member.inputs.grid.substeps);
-    let runs = members.chunk_by(|a, b| steps(a) == steps(b));
-    runs.flat_map(|run| run.chunks(most)).collect()
+/// Eight windows that are stepped beside each other, each along its own grid. One that has fewer steps than another waits at its end.
+pub(super) struct Lanes<'a> {
+    inputs: [&'a DrivenInputs; LANES],
+    steps: [Range<usize>; LANES],
+}
+
+impl<'a> Lanes<'a> {
+    pub fn new(members: &[&Member<'a>; LANES]) -> Self {
+        let inputs = members.map(|member| member.inputs);
+        let steps = members.map(|member| member.inputs.grid.steps_over(member.span));
+        Lanes { inputs, steps }
+    }
+
+    /// Steps of the one that has the most.
+    pub fn longest(&self) -> usize {
+        self.steps.iter().map(Range::len).max().unwrap_or(0)
+    }
+
+    /// Where they are at the beginning of the `k`th step.
+    pub fn at(&self, k: usize) -> Eight<'a> {
+        let of = |lane: usize| {
+            let own = &self.steps[lane];
+            (own.start + k).min(own.end.saturating_sub(1))
+        };
+        Eight {
+            inputs: self.inputs,
+            steps: std::array::from_fn(of),
+        }
+    }
+
+    /// Whether a window has a `k`th step.
+    pub fn goes(&self, lane: usize, k: usize) -> bool {
+        k < self.steps[lane].len()
+    }
+
+    /// The lengths of the `k`th steps, s; 0 of those that wait.
+    pub fn lengths(&self, at: &Eight<'_>, k: usize) -> Lane {
+        let length = |lane: usize| {
+            let (bounds, step) = (&self.inputs[lane].grid.bounds, at.steps[lane]);
+            bounds[step + 1] - bounds[step]
+        };
+        std::array::from_fn(|lane| match self.goes(lane, k) {
+            true => length(lane),
+            false => 0.0,
+        })
+    }
+
+    /// Which of the `k`th steps end at a sample.
+    pub fn ends(&self, at: &Eight<'_>, k: usize) -> [bool; LANES] {
+        std::array::from_fn(|lane| {
+            self.goes(lane, k) && self.inputs[lane].grid.ends_at_sample(at.steps[lane])
+        })
+    }
+}
+
+/// Places of windows with the same number of samples and about as many steps, at most eight together; in their order where all have as many.
+pub(super) fn alike(members: &[Member<'_>]) -> Vec<Vec<usize>> {
+    let size = |&k: &usize| {
+        let Member { inputs, span, .. } = members[k];
+        (span.1, inputs.grid.steps_over(span).len())
+    };
+    let mut places: Vec<usize> = (0..members.len()).collect();
+    places.sort_by_key(size);
+    let as_long = places.chunk_by(|a, b| size(a).0 == size(b).0);
+    as_long
+        .flat_map(|run| run.chunks(LANES))
+        .map(<[usize]>::to_vec)
+        .collect()
+}
+
+/// What `of_group` makes of each window, eight at once and in threads, in the windows' order.
+pub(super) fn by_groups<R, T: Send>(
+    members: &[Member<'_>],
+    roller: impl Fn() -> R + Sync + Send,
+    of_group: impl Fn(&mut R, &[Member<'_>]) -> Vec<Option<T>> + Sync + Send,
+) -> Vec<Option<T>> {
+    let groups = alike(members);
+    let done: Vec<Vec<Option<T>>> = groups
+        .par_iter()
+        .map_init(roller, |roller, places| {
+            let own: Vec<Member> = places.iter().map(|&k| members[k]).collect();
+            of_group(roller, &own)
+        })
+        .collect();
+    let mut all: Vec<Option<T>> = members.iter().map(|_| None).collect();
+    for (place, own) in groups.into_iter().flatten().zip(done.into_iter().flatten()) {
+        all[place] = own;
+    }
+    all
 }
 
 impl EightRoller<'_> {
@@ -302,7 +384,6 @@ pub(crate) fn roll_all(
     members: &[Member<'_>],
     derivatives: bool,
 ) -> Vec<Option<Trajectory>> {
-    let groups = alike(members, LANES);
     let roll = |eight: &mut EightRoller<'_>, members: &[Member<'_>]| {
         let mut rolled = vec![Trajectory::default(); members.len()];
         match derivatives {
@@ -312,11 +393,7 @@ pub(crate) fn roll_all(
         Ok(rolled)
     };
     let roller = || EightRoller::new(hybrid, free);
-    groups
-        .into_par_iter()
-        .map_init(roller, |eight, members| eight.each(members, roll))
-        .flatten_iter()
-        .collect()
+    by_groups(members, roller, |eight, members| eight.each(members, roll))
 }
 
 #[cfg(test)]
@@ -331,7 +408,7 @@ mod tests {
 
     use super::super::Roller;
     use super::*;
-    use crate::effect::registry;
+    use crate::effect::{Grid, registry};
     use crate::hybrid::Placed;
     use crate::learnt::{Feature, LearntForce, Output, Quantity};
     use crate::model::Model;
@@ -381,16 +458,19 @@ mod tests {
     /// The distance of eight (or fewer) windows of two recordings from the same windows one by one, relative to their size.
     fn distance(hybrid: &Hybrid, windows: usize) -> f64 {
         let (theta, free) = (hybrid.theta(), hybrid.free());
-        let drive = |interval: f64| {
+        let drive = |interval: f64, times: &[usize]| {
             let t: Vec<f64> = (0..61).map(|k| k as f64 * interval).collect();
             let u = |i: usize| {
                 let of = |t: &f64| 2.0 * (9.0 * t + 0.5 * i as f64).sin();
                 t.iter().map(of).collect()
             };
             let u: Vec<Vec<f64>> = (0..hybrid.inputs()).map(u).collect();
-            hybrid.drive(&t, &u, 4, &theta, &free)
+            let grid = Grid::finer(&t, 4, times);
+            hybrid.drive_on(grid, &u, &theta, &free)
         };
-        let inputs = [drive(0.02), drive(0.015)];
+        // A lane of one that takes more steps about some samples waits for none of the other, and the other for it.
+        let times: Vec<usize> = (0..60).map(|k| 1 + k % 3).collect();
+        let inputs = [drive(0.02, &[]), drive(0.015, &times)];
         let starts: Vec<Vec<f64>> = (0..windows)
             .map(|k| {
                 let k = k as f64;

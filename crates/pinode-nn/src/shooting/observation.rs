@@ -2,7 +2,8 @@
 
 use std::f64::consts::PI;
 
-use crate::hybrid::{Predicted, Reading};
+use crate::effect::Grid;
+use crate::hybrid::{DrivenInputs, Hybrid, Predicted, Reading};
 use crate::log::typical;
 
 /// A measured quantity: a position, or a velocity measured on its own.
@@ -59,6 +60,8 @@ pub struct ObservedRun {
     pub y: Vec<Vec<f64>>,
     /// Whether each measurement counts; false: masked as an outlier or a fault.
     pub valid: Vec<Vec<bool>>,
+    /// How many times as many integration steps are taken from each sample to the next as from others; from all as many where it is empty.
+    pub finer: Vec<usize>,
 }
 
 /// All that was measured: the same channels in every recording. The first channels are the positions, in order.
@@ -94,6 +97,18 @@ impl Observations {
 }
 
 impl ObservedRun {
+    /// The inputs, as a model at θ [drives](Hybrid::drive) with them.
+    pub fn drive(
+        &self,
+        hybrid: &Hybrid,
+        substeps: usize,
+        theta: &[f64],
+        free: &[usize],
+    ) -> DrivenInputs {
+        let grid = Grid::finer(&self.t, substeps, &self.finer);
+        hybrid.drive_on(grid, &self.u, theta, free)
+    }
+
     fn thinned(&self, interval: f64) -> Self {
         let mut intervals: Vec<f64> = self.t.windows(2).map(|p| p[1] - p[0]).collect();
         intervals.sort_by(f64::total_cmp);
@@ -113,6 +128,7 @@ impl ObservedRun {
         };
         let pick = |y: &[f64]| kept.iter().map(|&k| y[k]).collect();
         ObservedRun {
+            finer: Vec::new(),
             t: pick(&self.t),
             u: self
                 .u
@@ -143,6 +159,7 @@ mod tests {
         let t: Vec<f64> = (0..101).map(|k| k as f64 * 1e-3).collect();
         let u: Vec<f64> = (0..101).map(|k| (k * k) as f64).collect();
         let run = ObservedRun {
+            finer: Vec::new(),
             y: vec![u.clone()],
             valid: vec![vec![true; 101]],
             u: vec![u.clone()],

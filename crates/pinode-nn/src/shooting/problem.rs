@@ -155,10 +155,7 @@ impl<'a> Problem<'a> {
         self.observations
             .runs
             .iter()
-            .map(|run| {
-                self.hybrid
-                    .drive(&run.t, &run.u, self.substeps, theta, self.free)
-            })
+            .map(|run| run.drive(self.hybrid, self.substeps, theta, self.free))
             .collect()
     }
 

@@ -84,9 +84,8 @@ pub(crate) fn over_samples<S: System<Input = usize, Error = Diverged>>(
     state: &mut [f64],
     mut keep: impl FnMut(&[f64]),
 ) -> Result<(), Diverged> {
-    let substeps = inputs.grid.substeps;
     for sample in first..first + count - 1 {
-        for step in sample * substeps..(sample + 1) * substeps {
+        for step in inputs.grid.steps_from(sample) {
             let (a, b) = (inputs.grid.bounds[step], inputs.grid.bounds[step + 1]);
             method.step(system, a, b - a, &step, memory, state)?;
         }

@@ -1,11 +1,10 @@
 //! Roll-outs taken apart into their steps.
 
 use lagrange::LANES;
-use rayon::prelude::*;
 
-use super::eight::{EightRoller, Member, alike};
+use super::eight::{EightRoller, Lanes, Member, by_groups};
 use super::{Diverged, Trajectory, Variation};
-use crate::hybrid::{DrivenInputs, Eight, EightMemory, Hybrid, Lane, Memory};
+use crate::hybrid::{DrivenInputs, EightMemory, Hybrid, Lane, Memory};
 
 /// The derivatives of x in itself, and of nothing else: I, then zeros.
 fn unit(nx: usize, s: &mut [f64]) {
@@ -35,7 +34,7 @@ impl Kept {
             steps: Variation {
                 nx,
                 nv: hybrid.nv(),
-                first: member.span.0 * member.inputs.grid.substeps,
+                first: member.inputs.grid.steps_from(member.span.0).start,
                 ..Variation::default()
             },
             next: total.clone(),
@@ -74,6 +73,9 @@ impl Kept {
     fn sample(&mut self, x: &[f64]) {
         self.out.states.extend_from_slice(x);
         self.out.sensitivities.extend_from_slice(&self.total);
+        self.steps
+            .ends
+            .push(self.steps.middles.len() / self.steps.nx);
     }
 }
 
@@ -95,21 +97,20 @@ pub(crate) fn roll_steps(
     (hybrid, theta, free): (&Hybrid, &[f64], &[usize]),
     members: &[Member<'_>],
 ) -> Vec<Option<(Trajectory, Variation)>> {
-    let of_group = |members: &[Member]| {
-        let mut roller = EightRoller::new(hybrid, free);
+    let roller = || EightRoller::new(hybrid, free);
+    by_groups(members, roller, |roller, members| {
         roller.each(members, |roller, some| {
             roller.roll_step_by_step(theta, some)
         })
-    };
-    let groups = alike(members, LANES).into_par_iter();
-    groups.flat_map_iter(of_group).collect()
+    })
 }
 
 /// One step of eight windows.
 struct OneStep<'a> {
-    /// The step on the grid of each, and whether it ends at a sample.
+    /// The step on the grid of each; whether it goes on, and whether that ends at a sample.
     steps: [usize; LANES],
-    ends: bool,
+    goes: [bool; LANES],
+    ends: [bool; LANES],
     /// The state in the middle of the step.
     middle: &'a [Lane],
     /// M⁻¹ there, column after column; empty of a stiff model.
@@ -129,16 +130,14 @@ impl EightRoller<'_> {
         let Some(last) = members.last() else {
             return Ok(());
         };
-        let count = last.span.1;
         let members: [&Member; LANES] = std::array::from_fn(|k| members.get(k).unwrap_or(last));
-        let inputs = members.map(|member| member.inputs);
-        let substeps = last.inputs.grid.substeps;
+        let lanes = Lanes::new(&members);
         let (nx, nv) = (self.hybrid.nx(), self.hybrid.nv());
         let forces = if self.stiff.is_some() { nx - nv } else { 0 };
         let columns = 1 + nx + self.free.len() + forces;
-        for lanes in [&mut self.base, &mut self.point, &mut self.sum] {
-            lanes.clear();
-            lanes.resize(columns * nx, [0.0; LANES]);
+        for room in [&mut self.base, &mut self.point, &mut self.sum] {
+            room.clear();
+            room.resize(columns * nx, [0.0; LANES]);
         }
         for i in 0..nx {
             self.base[i] = members.map(|member| member.initial[i]);
@@ -150,33 +149,34 @@ impl EightRoller<'_> {
             None => response = Some(self.hybrid.memory_of_eight(&[])),
         }
         let mut middle = vec![[0.0; LANES]; nx];
-        for sample in 0..count - 1 {
-            for step in 0..substeps {
-                let (x, s) = self.base.split_at_mut(nx);
-                middle.copy_from_slice(x);
-                s.fill([0.0; LANES]);
-                for diagonal in s.iter_mut().step_by(nx + 1).take(nx) {
-                    *diagonal = [1.0; LANES];
-                }
-                let steps = members.map(|m| (m.span.0 + sample) * substeps + step);
-                let at = Eight { inputs, steps };
-                self.step(theta, &at)?;
-                for (m, x) in middle.iter_mut().zip(&self.base) {
-                    m.iter_mut().zip(x).for_each(|(m, x)| *m = 0.5 * (*m + x));
-                }
-                if let Some(memory) = &mut response {
-                    let found = self.hybrid.linearize_eight(&middle, theta, &at, memory);
-                    found.map_err(Diverged::Dynamics)?;
-                }
-                keep(&OneStep {
-                    steps,
-                    ends: step + 1 == substeps,
-                    middle: &middle,
-                    response: response.as_ref().map_or(&[], EightMemory::response),
-                    after: &self.base,
-                });
+        for step in 0..lanes.longest() {
+            let (x, s) = self.base.split_at_mut(nx);
+            middle.copy_from_slice(x);
+            s.fill([0.0; LANES]);
+            for diagonal in s.iter_mut().step_by(nx + 1).take(nx) {
+                *diagonal = [1.0; LANES];
             }
-            Diverged::check(self.base.as_flattened())?;
+            let at = lanes.at(step);
+            self.step(theta, &at, lanes.lengths(&at, step))?;
+            for (m, x) in middle.iter_mut().zip(&self.base) {
+                m.iter_mut().zip(x).for_each(|(m, x)| *m = 0.5 * (*m + x));
+            }
+            if let Some(memory) = &mut response {
+                let found = self.hybrid.linearize_eight(&middle, theta, &at, memory);
+                found.map_err(Diverged::Dynamics)?;
+            }
+            let ends = lanes.ends(&at, step);
+            if ends.contains(&true) {
+                Diverged::check(self.base.as_flattened())?;
+            }
+            keep(&OneStep {
+                steps: at.steps,
+                goes: std::array::from_fn(|lane| lanes.goes(lane, step)),
+                ends,
+                middle: &middle,
+                response: response.as_ref().map_or(&[], EightMemory::response),
+                after: &self.base,
+            });
         }
         Ok(())
     }
@@ -195,7 +195,8 @@ impl EightRoller<'_> {
         let mut memory = hybrid.memory(&[]);
         let (mut middle, mut after) = (Vec::new(), Vec::new());
         self.each_step(theta, members, |one| {
-            for (lane, (kept, member)) in kept.iter_mut().zip(members).enumerate() {
+            let windows = kept.iter_mut().zip(members).enumerate();
+            for (lane, (kept, member)) in windows.filter(|(lane, _)| one.goes[*lane]) {
                 let own = |lanes: &[Lane], to: &mut Vec<f64>| {
                     to.clear();
                     to.extend(lanes.iter().map(|x| x[lane]));
@@ -208,7 +209,7 @@ impl EightRoller<'_> {
                 kept.middle(hybrid, at, &middle, &mut memory);
                 let response = one.response.iter().map(|x| x[lane]);
                 kept.steps.responses.extend(response);
-                if one.ends {
+                if one.ends[lane] {
                     kept.sample(x);
                 }
             }

@@ -144,6 +144,7 @@ mod tests {
                 noise: NOISE,
             }],
             runs: vec![ObservedRun {
+                finer: Vec::new(),
                 valid: vec![vec![true; t.len()]],
                 u: Vec::new(),
                 y: vec![x.clone()],

@@ -20,6 +20,8 @@ pub struct Variation {
     pub(super) nv: usize,
     /// First step of the roll-out on the grid of the inputs.
     pub(super) first: usize,
+    /// How many steps there are up to each sample after the first.
+    pub(super) ends: Vec<usize>,
     /// F of every step, nx × nx, column after column.
     pub(super) transitions: Vec<f64>,
     /// State in the middle of every step, nx numbers.
@@ -42,15 +44,11 @@ impl Variation {
         memory: &mut Memory,
         out: &mut [Vec<f64>],
     ) {
-        let Some(first) = forces.first() else {
-            return;
-        };
-        let substeps = first.inputs.grid.substeps;
         let mut halves = vec![[0.0; LANES]; self.middles.len()];
         for (lane, force) in forces.iter().enumerate() {
             self.push(force, memory, |entry, part| halves[entry][lane] += part);
         }
-        self.carry((states, substeps), halves, out);
+        self.carry(states, halves, out);
     }
 
     /// [`under`](Self::under) forces that are given, each held between two samples: its coordinate, and its value from each sample of the
@@ -62,16 +60,20 @@ impl Variation {
         forces: &[(usize, Vec<f64>)],
         out: &mut [Vec<f64>],
     ) {
-        let substeps = inputs.grid.substeps;
         let mut halves = vec![[0.0; LANES]; self.middles.len()];
         for (lane, (j, force)) in forces.iter().enumerate() {
-            for (i, halves) in halves.chunks_exact_mut(self.nx).enumerate() {
-                self.act((inputs, i), *j, force[i / substeps], |entry, part| {
-                    halves[entry][lane] = part;
-                });
+            let mut from = 0;
+            for (&end, &force) in self.ends.iter().zip(force) {
+                for i in from..end {
+                    let halves = &mut halves[i * self.nx..][..self.nx];
+                    self.act((inputs, i), *j, force, |entry, part| {
+                        halves[entry][lane] = part;
+                    });
+                }
+                from = end;
             }
         }
-        self.carry((states, substeps), halves, out);
+        self.carry(states, halves, out);
     }
 
     fn is_stiff(&self) -> bool {
@@ -107,17 +109,11 @@ impl Variation {
     }
 
     /// `states` plus what the pushes `halves`, ½ b of every step, change of them.
-    fn carry(
-        &self,
-        (states, substeps): (&[f64], usize),
-        mut halves: Vec<Lane>,
-        out: &mut [Vec<f64>],
-    ) {
-        let samples = halves.len() / (self.nx * substeps);
-        let mut changes = vec![[0.0; LANES]; self.nx * (1 + samples)];
+    fn carry(&self, states: &[f64], mut halves: Vec<Lane>, out: &mut [Vec<f64>]) {
+        let mut changes = vec![[0.0; LANES]; self.nx * (1 + self.ends.len())];
         Arch::new().dispatch(Carried {
             nx: self.nx,
-            substeps,
+            ends: &self.ends,
             whole: self.is_stiff(),
             transitions: &self.transitions,
             halves: &mut halves,
@@ -195,7 +191,8 @@ pub struct SmallForce<'a> {
 /// δx_{i+1} = F_i (δx_i + ½ b_i) + ½ b_i of eight forces at once.
 struct Carried<'a> {
     nx: usize,
-    substeps: usize,
+    /// How many steps there are up to each sample after the first.
+    ends: &'a [usize],
     /// Whether the pushes are R (δQ, δḣ), to be added after the step alone.
     whole: bool,
     transitions: &'a [f64],
@@ -211,15 +208,17 @@ impl NullaryFnOnce for Carried<'_> {
     #[inline(always)]
     fn call(self) {
         let nx = self.nx;
-        let samples = self.transitions.chunks_exact(nx * nx * self.substeps);
-        let samples = samples.zip(self.halves.chunks_exact_mut(nx * self.substeps));
-        for (sample, (transitions, halves)) in samples.enumerate() {
+        let mut steps = self
+            .transitions
+            .chunks_exact(nx * nx)
+            .zip(self.halves.chunks_exact_mut(nx));
+        let mut from = 0;
+        for (sample, &end) in self.ends.iter().enumerate() {
             // What is carried moves on in the place of the next sample.
             let (before, after) = self.changes[sample * nx..].split_at_mut(nx);
             let after = &mut after[..nx];
             after.copy_from_slice(before);
-            let steps = transitions.chunks_exact(nx * nx);
-            for (transition, halves) in steps.zip(halves.chunks_exact_mut(nx)) {
+            for (transition, halves) in steps.by_ref().take(end - from) {
                 if !self.whole {
                     for (x, half) in after.iter_mut().zip(&*halves) {
                         for (x, half) in x.iter_mut().zip(half) {
@@ -236,6 +235,7 @@ impl NullaryFnOnce for Carried<'_> {
                 }
                 after.copy_from_slice(halves);
             }
+            from = end;
         }
     }
 }
@@ -247,7 +247,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::effect::{Action, registry};
+    use crate::effect::{Action, Grid, registry};
     use crate::hybrid::Placed;
     use crate::model::Model;
     use crate::shooting::{Member, Roller, Trajectory, roll_steps};
@@ -259,11 +259,12 @@ mod tests {
         hybrid.without(0)
     }
 
-    /// A motor that pushes to and fro, 20 ms a sample.
+    /// A motor that pushes to and fro, 20 ms a sample; from some samples in more steps than from others.
     fn pushes(hybrid: &Hybrid, theta: &[f64], substeps: usize) -> DrivenInputs {
         let t: Vec<f64> = (0..31).map(|k| k as f64 * 0.02).collect();
         let u: Vec<f64> = t.iter().map(|t| 2.0 * (9.0 * t).sin()).collect();
-        hybrid.drive(&t, &[u], substeps, theta, &[])
+        let times: Vec<usize> = (0..30).map(|k| [1, 1, 2, 1, 4][k % 5]).collect();
+        hybrid.drive_on(Grid::finer(&t, substeps, &times), &[u], theta, &[])
     }
 
     const START: [f64; 4] = [0.1, 2.5, -0.2, 1.5];

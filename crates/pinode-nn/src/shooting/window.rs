@@ -117,6 +117,7 @@ mod tests {
             .map(|k| k as f64 * 0.02)
             .collect();
         ObservedRun {
+            finer: Vec::new(),
             y: vec![],
             u: vec![],
             valid: vec![],

@@ -311,7 +311,7 @@ impl<T: Real> Chunk<T> {
         let Some(first) = members.first() else {
             return;
         };
-        let substeps = first.inputs.grid.substeps;
+        let substeps = first.inputs.grid.substeps();
         let samples = (setting.samples + 1 - loss.first) as f64;
         for group in 0..groups {
             let mut sums = [0.0; LANES];
@@ -425,7 +425,7 @@ impl<T: Real> Chunk<T> {
         groups: usize,
     ) {
         let nx = self.nx;
-        let substeps = members.first().map_or(1, |m| m.inputs.grid.substeps);
+        let substeps = members.first().map_or(1, |m| m.inputs.grid.substeps());
         let sample = step / substeps;
         if !step.is_multiple_of(substeps) || sample < setting.loss.first {
             return;
@@ -721,7 +721,7 @@ fn eight_at<'a>(members: &[Member<'a>], group: usize, step: usize) -> Eight<'a> 
         inputs: std::array::from_fn(|lane| of(lane).inputs),
         steps: std::array::from_fn(|lane| {
             let member = of(lane);
-            member.first * member.inputs.grid.substeps + step
+            member.first * member.inputs.grid.substeps() + step
         }),
     }
 }

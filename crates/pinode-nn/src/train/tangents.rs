@@ -290,7 +290,7 @@ impl<T: Real> NullaryFnOnce for Carry<'_, '_, '_, T> {
             step,
             stage,
         } = self;
-        let substeps = members.first().map_or(1, |m| m.inputs.grid.substeps);
+        let substeps = members.first().map_or(1, |m| m.inputs.grid.substeps());
         if stage == 0 {
             if step == 0 && setting.loss.first == 0 {
                 chunk.add_curvature(setting, members, 0);

@@ -263,6 +263,7 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
         .map(|(r, run)| {
             let kept = || kept[r].clone();
             ObservedRun {
+                finer: Vec::new(),
                 t: times[r][kept()].to_vec(),
                 u: run.u.iter().map(|u| u[kept()].to_vec()).collect(),
                 y: columns

@@ -296,6 +296,7 @@ fn usual(model: &Model, pace: &Pace) -> Hybrid {
 
 fn observed(run: &Run) -> ObservedRun {
     ObservedRun {
+        finer: Vec::new(),
         t: run.t.clone(),
         u: run.u.clone(),
         valid: run.q.iter().map(|q| vec![true; q.len()]).collect(),

@@ -503,7 +503,7 @@ fn settled(study: &Study, own: &Fitted, from: &[f64]) -> Option<Vec<f64>> {
     }
     let count = (SETTLING * pace / study.interval).round() as usize + 2;
     let t: Vec<f64> = (0..count).map(|k| k as f64 * study.interval).collect();
-    let substeps = study.substeps_for(&hybrid, &theta);
+    let substeps = study.substeps_anywhere(&hybrid, &theta);
     let inputs = hybrid.drive(
         &t,
         &vec![vec![0.0; count]; hybrid.inputs()],

@@ -114,7 +114,7 @@ fn best(
     inputs: &[String],
 ) -> Outcome {
     // Both take the same steps.
-    let substeps = [own, rival].map(|m| study.substeps_for(&m.hybrid, &m.inside.theta));
+    let substeps = [own, rival].map(|m| study.substeps_anywhere(&m.hybrid, &m.inside.theta));
     let substeps = substeps[0].max(substeps[1]);
     // One answer a list, in their order: the same bits for any number of threads.
     let tried: Vec<Vec<Tried>> = trials

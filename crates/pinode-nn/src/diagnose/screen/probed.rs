@@ -105,7 +105,7 @@ impl Probed {
             _ => Change::Motion,
         };
         let same_inputs = substeps == fitted.substeps && !matches!(kind.action, Action::Drive(_));
-        let drive = |run: &ObservedRun| hybrid.drive(&run.t, &run.u, substeps, &theta, &[]);
+        let drive = |run: &ObservedRun| run.drive(&hybrid, substeps, &theta, &[]);
         let runs = &study.observations.runs;
         let kept = kept_states(&hybrid, &fitted.hybrid);
         let starts_anew = change == Change::Motion && kept.contains(&None);
