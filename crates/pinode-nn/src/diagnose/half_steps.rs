@@ -18,6 +18,8 @@ use crate::shooting::{Member, ObservedRun, Trajectory, roll_all};
 
 /// Steps are halved where that moves a constant by more than this part of its standard error.
 const MOVED: f64 = 0.25;
+/// So often at most: what is not smooth hardly converges with the steps.
+const HALVINGS: usize = 2;
 /// Iterations of the fit with them.
 const ITERATIONS: usize = 6;
 
@@ -49,8 +51,8 @@ pub fn moved(study: &Study, fitted: &Fitted) -> Vec<f64> {
     follows.column(0).iter().map(|d| -d).collect()
 }
 
-/// The model that was found with steps so short that half of them would move none of its constants by more than [`MOVED`] standard errors, or as short as
-/// they may be, in the study with these. `None` where it has them already, where it was found beside pushes (without them the constants would take these for
+/// The model that was found with steps so short that half of them would move none of its constants by more than [`MOVED`] standard errors, or a quarter as
+/// long as they were, in the study with these. `None` where it has them already, where it was found beside pushes (without them the constants would take these for
 /// their own), and where what was found is not what it is called with them.
 pub fn with_steps_as_short_as_it_shows(study: &Study, search: &Search) -> Option<(Study, Fitted)> {
     if search.pushed || search.found.is_empty() {
@@ -58,7 +60,10 @@ pub fn with_steps_as_short_as_it_shows(study: &Study, search: &Search) -> Option
     }
     let (mut study, mut fitted) = (study.clone(), search.model.clone());
     let mut is_shorter = false;
-    while 2 * fitted.substeps <= MOST_SUBSTEPS {
+    for _ in 0..HALVINGS {
+        if 2 * fitted.substeps * study.steps.about_rests > MOST_SUBSTEPS {
+            break;
+        }
         let moved = moved(&study, &fitted);
         let errors = fitted.standard_errors(&study).iter();
         let shows = |(moved, error): (&f64, &f64)| moved.abs() > MOVED * error;

@@ -66,6 +66,7 @@ mod study;
 mod twins;
 mod unexplained;
 mod unseen_spring;
+mod unstretched;
 pub mod verdict;
 mod write_up;
 

@@ -163,7 +163,7 @@ pub fn sharp(study: &Study, fitted: &Fitted, limit: f64) -> Refined {
     };
     study = study.with_short_steps(&sharp, &visible).unwrap_or(study);
     sharp = fit(&study, &sharp);
-    while let Some(shorter) = study.with_short_steps(&sharp, &visible) {
+    while let Some(shorter) = study.with_shorter_steps(&sharp, &visible) {
         study = shorter;
         sharp = fit(&study, &sharp);
     }

@@ -9,6 +9,7 @@ use super::found::position;
 use super::screen::Screened;
 use super::shown::fit_shown;
 use super::study::{Fitted, Study};
+use super::unstretched::unstretched;
 
 /// A candidate with this share of its information spanned by free constants is one that they imitate.
 const IMITATED: f64 = 0.9;
@@ -53,6 +54,8 @@ pub struct Contender {
     pub standing: Standing,
     /// Whether further iterations from where it is were tried and did not explain more.
     pub(super) is_spent: bool,
+    /// Whether it was [fitted again](unstretched) from where no tolerance is stretched, where one was.
+    was_unstretched: bool,
 }
 
 /// What a contender has beside what it explains.
@@ -212,6 +215,7 @@ pub fn contender(
         numerically_sound: None,
         standing: Standing::Usual,
         is_spent: false,
+        was_unstretched: false,
     }
 }
 
@@ -299,6 +303,7 @@ pub fn polish(study: &Study, current: &Fitted, contenders: &mut [Contender]) {
             }
         }
     }
+    unstretch(study, current, contenders);
 }
 
 impl Contender {
@@ -317,11 +322,30 @@ impl Contender {
         if explains_more {
             *self = Contender {
                 imitated: self.imitated,
+                was_unstretched: self.was_unstretched,
                 ..again
             };
         }
         explains_more
     }
+}
+
+/// Those without states of their own within half of the leader's gain are fitted again from where no tolerance is stretched, once: what the model without them
+/// stretched is still stretched beside what could do without that.
+fn unstretch(study: &Study, current: &Fitted, contenders: &mut [Contender]) {
+    let base = current.score(0);
+    let scores = contenders.iter().map(|c| c.score - base);
+    let half = 0.5 * scores.fold(0.0, f64::max);
+    let is_simple = |c: &Contender| c.added.iter().all(|c| c.kind.states() == 0);
+    contenders
+        .par_iter_mut()
+        .filter(|c| !c.was_unstretched && c.score - base > half && is_simple(c))
+        .for_each(|rival| {
+            rival.was_unstretched = true;
+            if let Some(again) = unstretched(study, &rival.fitted) {
+                rival.improve(study, current, again);
+            }
+        });
 }
 
 /// Orders contenders by their score, and gives the wins among those that have a say.

@@ -17,6 +17,7 @@ use super::step::{
 };
 use super::study::{Fitted, Study};
 use super::unseen_spring::unseen_spring;
+use super::unstretched::unstretched;
 use crate::shooting::Fit;
 use crate::smoothing::VISIBLE;
 
@@ -468,11 +469,21 @@ impl Place {
             &mut self.added,
             report,
         );
+        self.unstretch();
         self.sharpen();
         self.soften();
         let shorter = with_shorter_steps(&self.study, &self.current, &self.added, report);
         if let Some(shorter) = shorter {
             (self.study, self.current) = shorter;
+        }
+    }
+
+    /// What pulled at masses and gains before it was found need not do so beside it.
+    fn unstretch(&mut self) {
+        if let Some(model) = unstretched(&self.study, &self.current)
+            && improves(&self.study, (&model, &self.current), self.added.iter())
+        {
+            self.current = model;
         }
     }
 

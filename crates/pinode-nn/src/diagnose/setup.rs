@@ -90,7 +90,6 @@ pub fn prepare(
     );
     let interval = observations.typical_interval();
     let steps = StepLength::first(&hybrid, &smoothed, &pace, interval);
-    let (each, about_rests) = (steps.substeps, steps.about_rests);
     let mut study = Study {
         pace,
         scales,
@@ -105,7 +104,6 @@ pub fn prepare(
         observations,
         windows,
     };
-    study = study.stepped(each, about_rests);
     let theta = hybrid.theta();
     let measured = |windows: &[Window]| study.starts(&hybrid, &theta, windows, None);
     let start = Start {
@@ -122,7 +120,7 @@ pub fn prepare(
     };
     let mut null = study.fit(hybrid, start, 6, 20);
     // The step: fine enough that half of it changes nothing.
-    while let Some(shorter) = study.with_short_steps(&null, &study.observations.noise()) {
+    while let Some(shorter) = study.with_shorter_steps(&null, &study.observations.noise()) {
         study = shorter;
         let start = null.start(null.inside.theta.clone());
         null = study.fit(null.hybrid.clone(), start, 2, 20);

@@ -116,7 +116,8 @@ fn simpler(study: &Study, search: &Search, k: usize) -> Option<(Candidate, Study
         let fits = [Some((study.clone(), fitted)), sharper];
         fits.into_iter().flatten().find_map(|(study, fitted)| {
             let lead = Comparison::of(model, &fitted);
-            let does = is_sensible(&study, &simple, &fitted) && !lead.explains();
+            let does =
+                is_sensible(&study, &simple, &fitted) && !lead.explains() && !lead.relieves();
             does.then_some((simple, study, fitted))
         })
     })

@@ -14,10 +14,8 @@ use crate::shooting::{Member, ObservedRun, Trajectory, roll_all};
 
 /// The integration step is halved until that moves the roll-outs by less than this part of the noise.
 const STEP_ERROR: f64 = 0.3;
-/// … and those about rests before the others, if what that leaves of the change is no more than this part of it.
-const SMALL: f64 = 0.5;
-/// The first steps are as many times as long as a coarsest one of a method without shorter ones, and those about rests have this part of their length.
-const FIRST: (f64, usize) = (2.0, 2);
+/// … some of them alone where that leaves no more than this part of what half of all changes, as much as is left of that by half of it again.
+const AS_WELL: f64 = 0.1;
 /// A joint rests that is slower than so many times the speed over which its friction changes sign …
 const SLOW: f64 = 4.0;
 /// … and what rests in more than this part of the samples has no steps of its own there.
@@ -41,12 +39,10 @@ impl StepLength {
         let count = |which: fn(&bool) -> bool| rests.iter().flatten().filter(|r| which(r)).count();
         let (at_rest, all) = (count(|rests| *rests), count(|_| true));
         let seldom = at_rest > 0 && (at_rest as f64) < MOSTLY * all as f64;
-        let longer = if seldom { FIRST.0 } else { 1.0 };
-        let coarsest = longer * pace.coarsest_step(hybrid.is_stiff());
-        let substeps = (interval / coarsest).ceil() as usize;
+        let substeps = (interval / pace.coarsest_step(hybrid.is_stiff())).ceil() as usize;
         StepLength {
             substeps: substeps.clamp(1, MOST_SUBSTEPS),
-            about_rests: if seldom { FIRST.1 } else { 1 },
+            about_rests: 1,
             rests: Arc::new(if seldom { rests } else { Vec::new() }),
         }
     }
@@ -86,46 +82,39 @@ impl Study {
         study
     }
 
-    /// The study with steps as short as they have to be for a fitted model to be rolled out to a part of these units, one a channel; `None` where it has
-    /// them, or may have none that are shorter.
-    pub fn with_short_steps(&self, fitted: &Fitted, units: &[f64]) -> Option<Study> {
-        let mut study = self.clone();
-        let mut shorter = None;
-        while let Some(next) = with_shorter_steps(&study, fitted, units) {
-            study = next.clone();
-            shorter = Some(next);
+    /// The study with half of those steps that are too long for a fitted model to be rolled out to a part of these units, one a channel. `None` where none are,
+    /// or may be shorter.
+    pub fn with_shorter_steps(&self, fitted: &Fitted, units: &[f64]) -> Option<Study> {
+        let substeps = self.substeps_for(&fitted.hybrid, &fitted.inside.theta);
+        let (each, times) = (self.steps.substeps, self.steps.about_rests);
+        if 2 * substeps * times > MOST_SUBSTEPS {
+            return None;
         }
-        shorter
+        let halved = rolled(self, fitted, 2 * substeps);
+        let left = |by: &Study, substeps: usize| {
+            let with = rolled(by, fitted, substeps);
+            largest_change(self, fitted, (&with, &halved), units)
+        };
+        let error = left(self, substeps);
+        if error <= STEP_ERROR {
+            return None;
+        }
+        // Those of some samples, where that does as well as all.
+        let about_rests = self.stepped(each, 2 * times);
+        if !self.steps.rests.is_empty() && left(&about_rests, substeps) <= AS_WELL * error {
+            return Some(about_rests);
+        }
+        let elsewhere = self.stepped(2 * each, times / 2);
+        if times > 1 && left(&elsewhere, 2 * substeps) <= AS_WELL * error {
+            return Some(elsewhere);
+        }
+        Some(self.stepped(2 * each, times))
     }
-}
 
-/// The study with half of those steps that are too long, if any are.
-fn with_shorter_steps(study: &Study, fitted: &Fitted, units: &[f64]) -> Option<Study> {
-    let substeps = study.substeps_for(&fitted.hybrid, &fitted.inside.theta);
-    let (each, times) = (study.steps.substeps, study.steps.about_rests);
-    if 2 * substeps * times > MOST_SUBSTEPS {
-        return None;
-    }
-    let halved = rolled(study, fitted, 2 * substeps);
-    let left = |by: &Study, substeps: usize| {
-        let with = rolled(by, fitted, substeps);
-        largest_change(study, fitted, (&with, &halved), units)
-    };
-    if left(study, substeps) <= STEP_ERROR {
-        return None;
-    }
-    let elsewhere = study.stepped(2 * each, (times / 2).max(1));
-    if study.steps.rests.is_empty() {
-        return Some(elsewhere);
-    }
-    let about_rests = study.stepped(each, 2 * times);
-    let enough = match times {
-        1 => SMALL * STEP_ERROR,
-        _ => left(&elsewhere, 2 * substeps).max(SMALL * STEP_ERROR),
-    };
-    match left(&about_rests, substeps) <= enough {
-        true => Some(about_rests),
-        false => Some(elsewhere),
+    /// The study with steps as short as they have to be for the same; `None` where it has them, or may have none that are shorter.
+    pub fn with_short_steps(&self, fitted: &Fitted, units: &[f64]) -> Option<Study> {
+        let shorter = |study: &Study| study.with_shorter_steps(fitted, units);
+        std::iter::successors(shorter(self), shorter).last()
     }
 }
 
