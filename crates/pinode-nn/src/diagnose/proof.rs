@@ -17,6 +17,9 @@ use crate::hybrid::Hybrid;
 use crate::learnt::weights;
 use crate::model::{Model, NewNetwork};
 
+/// The given constants are taken back where those of a fit make the errors so many times as large.
+const WORSE: f64 = 1.5;
+
 /// What a new model is proved by.
 pub struct Proof<'a> {
     /// The model as given.
@@ -93,7 +96,8 @@ impl Proof<'_> {
         })
     }
 
-    /// The model with what of the search shrinks the gap: all of it; with stops less hard and friction less sharp, as in `coarse`, the last one first; or nothing. With the study that it was fitted in.
+    /// The model with what of the search shrinks the gap: all of it; with stops less hard and friction less sharp, as in `coarse`, the last one first; or nothing, with the
+    /// constants as they were where the fit's make it larger. With the study that it was fitted in.
     ///
     /// # Errors
     /// As [`Model::write_revision`] and [`Model::load`].
@@ -105,8 +109,18 @@ impl Proof<'_> {
         provenance: &Provenance,
         report: &dyn Fn(&str),
     ) -> Result<(Study, Proved), Error> {
+        let mut put_back = false;
         loop {
             let proved = self.write((&study, search), provenance, None)?;
+            // Constants that make up for what was not found may do so in what the fit has seen alone.
+            if search.found.is_empty() && !put_back && is_worse(&proved.gap) {
+                report(
+                    "what the fit moved makes unseen data worse: the constants stay as they were",
+                );
+                search.put_back();
+                put_back = true;
+                continue;
+            }
             // No windows at all say nothing.
             if search.found.is_empty() || proved.free_runs.is_empty() || shrinks(&proved.gap) {
                 return Ok((study, proved));
@@ -187,6 +201,11 @@ impl Proof<'_> {
         });
         proved.gap.horizons = found.collect();
     }
+}
+
+/// Whether the errors are larger afterwards, beyond what another start of each run makes.
+fn is_worse(gap: &Gap) -> bool {
+    gap.windows > 0 && gap.after > WORSE * gap.before
 }
 
 /// Whether the errors are smaller afterwards. Windows without one in which both models stay finite count against what was found.

@@ -55,7 +55,7 @@ pub struct Contender {
     /// Whether further iterations from where it is were tried and did not explain more.
     pub(super) is_spent: bool,
     /// Whether it was [fitted again](unstretched) from where no tolerance is stretched, where one was.
-    was_unstretched: bool,
+    pub(super) was_unstretched: bool,
 }
 
 /// What a contender has beside what it explains.

@@ -70,6 +70,14 @@ impl Search {
         }
     }
 
+    /// Takes back what the fit moved: the constants are those of the model as given.
+    pub fn put_back(&mut self) {
+        let theta = self.model.hybrid.theta();
+        for fit in [&mut self.model.inside, &mut self.model.outside] {
+            fit.theta.clone_from(&theta);
+        }
+    }
+
     /// Whether another fit of the model with what was found explains the windows better, and what was found is in it what it is called.
     pub fn improves(&self, study: &Study, model: &Fitted) -> bool {
         let found = self.found.iter().map(|found| &found.candidate);

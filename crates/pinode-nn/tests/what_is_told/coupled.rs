@@ -1,13 +1,11 @@
 //! Two bodies with a spring between them, each of which counts from where it stands: no law of one coordinate is what the model lacks.
 
-use std::path::PathBuf;
-
-use pinode_nn::log::{Log, Run};
+use pinode_nn::log::Log;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::pendulum::{diagnosed, parsed, torque};
+use super::pendulum::{diagnosed, parsed, recorded, stepped, torque};
 
 const NOISE: f64 = 5e-4;
 /// N/m, N·s/m; both bodies have 1 kg.
@@ -46,28 +44,11 @@ fn log(size: f64, damping: f64, late: usize) -> Log {
         };
         let h = 1e-3;
         for _ in 0..20 {
-            let ahead =
-                |h: f64, k: [f64; 4]| -> [f64; 4] { std::array::from_fn(|i| x[i] + h * k[i]) };
-            let a = rates(x);
-            let b = rates(ahead(h / 2.0, a));
-            let c = rates(ahead(h / 2.0, b));
-            let d = rates(ahead(h, c));
-            x = std::array::from_fn(|i| x[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]));
+            x = stepped(x, h, rates);
             past.push(x[1]);
         }
     }
-    Log {
-        path: PathBuf::from("log.csv"),
-        sha256: String::new(),
-        runs: vec![Run {
-            id: "0".into(),
-            t,
-            q: vec![front, rear],
-            v: vec![None, None],
-            u: vec![u],
-        }],
-        warnings: Vec::new(),
-    }
+    recorded(t, vec![front, rear], vec![u])
 }
 
 #[test]

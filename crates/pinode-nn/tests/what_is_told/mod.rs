@@ -11,6 +11,7 @@ mod pendulum;
 mod resting;
 mod ringing;
 mod sticking;
+mod walls;
 
 use pinode_nn::diagnose::verdict::Verdict;
 

@@ -39,6 +39,36 @@ pub fn text_of(inertia: f64, viscous: f64, fixed: bool) -> String {
     )
 }
 
+/// `x` a step of `h` s later, by Runge and Kutta's method.
+pub fn stepped<const N: usize>(
+    x: [f64; N],
+    h: f64,
+    rates: impl Fn([f64; N]) -> [f64; N],
+) -> [f64; N] {
+    let ahead = |h: f64, k: [f64; N]| -> [f64; N] { std::array::from_fn(|i| x[i] + h * k[i]) };
+    let a = rates(x);
+    let b = rates(ahead(h / 2.0, a));
+    let c = rates(ahead(h / 2.0, b));
+    let d = rates(ahead(h, c));
+    std::array::from_fn(|i| x[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]))
+}
+
+/// One recording of these positions and inputs.
+pub fn recorded(t: Vec<f64>, q: Vec<Vec<f64>>, u: Vec<Vec<f64>>) -> Log {
+    Log {
+        path: PathBuf::from("log.csv"),
+        sha256: String::new(),
+        runs: vec![Run {
+            id: "0".into(),
+            t,
+            v: vec![None; q.len()],
+            q,
+            u,
+        }],
+        warnings: Vec::new(),
+    }
+}
+
 /// A torque of four sines, N·m.
 pub fn torque(t: f64) -> f64 {
     0.35 * (1.3 * t).sin()

@@ -1,13 +1,11 @@
 //! A drive that rings from sample to sample, by equations and steps of its own.
 
-use std::path::PathBuf;
-
-use pinode_nn::log::{Log, Run};
+use pinode_nn::log::Log;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::pendulum::{diagnosed, parsed};
+use super::pendulum::{diagnosed, parsed, recorded, stepped};
 
 /// kg of the motor, as it acts on the carriage of 1 kg; N/m and N·s/m of the belt between them: 250 rad/s, a tenth of the critical damping.
 const MOTOR: f64 = 0.1;
@@ -45,27 +43,10 @@ fn log() -> Log {
         };
         let h = 0.004 / STEPS as f64;
         for _ in 0..STEPS {
-            let ahead =
-                |h: f64, k: [f64; 4]| -> [f64; 4] { std::array::from_fn(|i| x[i] + h * k[i]) };
-            let a = rates(x);
-            let b = rates(ahead(h / 2.0, a));
-            let c = rates(ahead(h / 2.0, b));
-            let d = rates(ahead(h, c));
-            x = std::array::from_fn(|i| x[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]));
+            x = stepped(x, h, rates);
         }
     }
-    Log {
-        path: PathBuf::from("log.csv"),
-        sha256: String::new(),
-        runs: vec![Run {
-            id: "0".into(),
-            t,
-            q: vec![q],
-            v: vec![None],
-            u: vec![u],
-        }],
-        warnings: Vec::new(),
-    }
+    recorded(t, vec![q], vec![u])
 }
 
 /// Steps of a whole sample move no roll-out by more than a third of the noise, and the stiffness with them is 2 % too high: five standard errors.
