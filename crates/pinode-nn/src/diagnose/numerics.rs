@@ -84,8 +84,8 @@ fn units(study: &Study, fitted: &Fitted, limit: f64) -> Vec<f64> {
 /// A study with shorter steps and what was found as a fit in it has it, where that is better.
 type Refined = Option<(Study, Fitted)>;
 
-/// What was found, with its stops as hard and its dry friction as sharp as the data see them where that explains them better: in the study
-/// with the steps that this takes; and the studies and fits before that, the last one last.
+/// What was found, with its stops as hard and its dry friction as sharp as the data see them where that explains them better, and with steps as short as its
+/// constants show: in the study with the steps that this takes; and the studies and fits before that, the last one last.
 pub fn finer(search: &mut Search, report: &dyn Fn(&str)) -> (Study, Vec<(Study, Fitted)>) {
     let mut study = search.study.clone();
     let mut before: Vec<(Study, Fitted)> = search.smooth.take().into_iter().collect();
