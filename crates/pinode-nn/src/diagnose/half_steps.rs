@@ -52,10 +52,10 @@ pub fn moved(study: &Study, fitted: &Fitted) -> Vec<f64> {
 }
 
 /// The model that was found with steps so short that half of them would move none of its constants by more than [`MOVED`] standard errors, or a quarter as
-/// long as they were, in the study with these. `None` where it has them already, where it was found beside pushes (without them the constants would take these for
+/// long as they were, in the study with these. `None` of a stiff model, whose joints stick as they do within any of them, where it has them already, where it was found beside pushes (without them the constants would take these for
 /// their own), and where what was found is not what it is called with them.
 pub fn with_steps_as_short_as_it_shows(study: &Study, search: &Search) -> Option<(Study, Fitted)> {
-    if search.pushed || search.found.is_empty() {
+    if search.pushed || search.found.is_empty() || search.model.hybrid.is_stiff() {
         return None;
     }
     let (mut study, mut fitted) = (study.clone(), search.model.clone());
