@@ -13,8 +13,9 @@ use nalgebra::DMatrix;
 use super::linear::{AtWindow, Linearisation};
 use super::refine::is_sensible;
 use super::search::Search;
+use super::step_length::rolled;
 use super::study::{Fitted, MOST_SUBSTEPS, Study};
-use crate::shooting::{Member, ObservedRun, Trajectory, roll_all};
+use crate::shooting::Trajectory;
 
 /// Steps are halved where that moves a constant by more than this part of its standard error.
 const MOVED: f64 = 0.25;
@@ -24,21 +25,9 @@ const HALVINGS: usize = 2;
 const ITERATIONS: usize = 6;
 
 /// By how much half the integration steps would move each free constant of a fitted model, in the order of `inside.free`.
-pub fn moved(study: &Study, fitted: &Fitted) -> Vec<f64> {
-    let (hybrid, theta) = (&fitted.hybrid, &fitted.inside.theta);
-    let (windows, free) = (&study.windows.fit, fitted.inside.free.len());
-    let drive = |run: &ObservedRun| run.drive(hybrid, 2 * fitted.substeps, theta, &[]);
-    let inputs: Vec<_> = study.observations.runs.iter().map(drive).collect();
-    let members: Vec<Member> = windows
-        .iter()
-        .zip(&fitted.inside.states)
-        .map(|(window, initial)| Member {
-            inputs: &inputs[window.run],
-            span: (window.first, window.count),
-            initial,
-        })
-        .collect();
-    let finer = roll_all((hybrid, theta, &[]), &members, false);
+fn moved(study: &Study, fitted: &Fitted) -> Vec<f64> {
+    let (hybrid, free) = (&fitted.hybrid, fitted.inside.free.len());
+    let finer = rolled(study, fitted, 2 * fitted.substeps);
     let linear = Linearisation::new(study, fitted);
     let by_half = |at: &AtWindow| {
         let of = |finer: &Trajectory| linear.change(at, (hybrid, linear.readings()), &finer.states);
@@ -52,8 +41,9 @@ pub fn moved(study: &Study, fitted: &Fitted) -> Vec<f64> {
 }
 
 /// The model that was found with steps so short that half of them would move none of its constants by more than [`MOVED`] standard errors, or a quarter as
-/// long as they were, in the study with these. `None` of a stiff model, whose joints stick as they do within any of them, where it has them already, where it was found beside pushes (without them the constants would take these for
-/// their own), and where what was found is not what it is called with them.
+/// long as they were, in the study with these. `None` where it has them already; of a stiff model, on which half of the steps has not been tried but for its
+/// time; where it was found beside pushes, without which the constants would take these for their own; and where what was found is not what it is called with
+/// them.
 pub fn with_steps_as_short_as_it_shows(study: &Study, search: &Search) -> Option<(Study, Fitted)> {
     if search.pushed || search.found.is_empty() || search.model.hybrid.is_stiff() {
         return None;

@@ -17,8 +17,8 @@ use crate::hybrid::Placed;
 const ITERATIONS: usize = 12;
 
 /// Gives what was found, as fitted in `study`, the names with the fewest constants: a law whose fitted constants may be those of a simpler one that it
-/// contains is called by that one's name, unless it explains what that leaves or spares tolerances that that stretches; so is one that owes them to friction that is not sharp enough, where the
-/// simpler one does as well with sharper friction. One that may as well do nothing, and any of several where the numerics of `study` are `refined`
+/// contains is called by that one's name, unless it explains what that leaves or spares tolerances that that stretches; so is one that owes them to friction that
+/// is not sharp enough, where the simpler one does as well with sharper friction. One that may as well do nothing, and any of several where the numerics of `study` are `refined`
 /// beyond those that it was found with, is asked for once more beside the others. The study with the steps that this takes, where a name changed.
 ///
 /// What was found beside pushes stays: without them its constants mean nothing.

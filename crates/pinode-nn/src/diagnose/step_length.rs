@@ -2,7 +2,8 @@
 //!
 //! Dry friction turns round with its joint within a small part of the time between two samples. Steps that follow it are many times shorter than those that
 //! everything else asks for, and they are needed about rests alone: from samples between which a joint turns round, or nearly, they are shorter by a factor
-//! of their own. Either is halved, whichever moves the roll-outs more, until half of all of them moves these by a small part of the noise.
+//! of their own. Those alone are halved, or the others alone, where that does as well as half of all; until half of all moves the roll-outs by a small part of
+//! the noise.
 
 use std::sync::Arc;
 
@@ -87,6 +88,8 @@ impl Study {
     pub fn with_shorter_steps(&self, fitted: &Fitted, units: &[f64]) -> Option<Study> {
         let substeps = self.substeps_for(&fitted.hybrid, &fitted.inside.theta);
         let (each, times) = (self.steps.substeps, self.steps.about_rests);
+        // What has a memory or a stop may take more of them than all others: twice those.
+        let doubled = 2 * substeps / self.finer;
         if 2 * substeps * times > MOST_SUBSTEPS {
             return None;
         }
@@ -104,11 +107,11 @@ impl Study {
         if !self.steps.rests.is_empty() && left(&about_rests, substeps) <= AS_WELL * error {
             return Some(about_rests);
         }
-        let elsewhere = self.stepped(2 * each, times / 2);
+        let elsewhere = self.stepped(doubled, times / 2);
         if times > 1 && left(&elsewhere, 2 * substeps) <= AS_WELL * error {
             return Some(elsewhere);
         }
-        Some(self.stepped(2 * each, times))
+        Some(self.stepped(doubled, times))
     }
 
     /// The study with steps as short as they have to be for the same; `None` where it has them, or may have none that are shorter.
@@ -118,8 +121,8 @@ impl Study {
     }
 }
 
-/// The seen windows with so many steps, where a fitted model has them begin.
-fn rolled(study: &Study, fitted: &Fitted, substeps: usize) -> Vec<Option<Trajectory>> {
+/// The seen windows with so many steps a sample, where a fitted model has them begin.
+pub fn rolled(study: &Study, fitted: &Fitted, substeps: usize) -> Vec<Option<Trajectory>> {
     let (hybrid, theta) = (&fitted.hybrid, &fitted.inside.theta);
     let drive = |run: &ObservedRun| run.drive(hybrid, substeps, theta, &[]);
     let inputs: Vec<_> = study.observations.runs.iter().map(drive).collect();

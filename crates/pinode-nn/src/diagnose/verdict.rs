@@ -619,7 +619,7 @@ pub struct Provenance {
     pub windows: [usize; 2],
     /// Length of a window, s.
     pub window_s: f64,
-    /// Integration steps per log sample.
+    /// Integration steps per log sample; about rests there may be more.
     pub substeps: usize,
 }
 

@@ -258,7 +258,11 @@ pub(super) struct Lanes<'a> {
 impl<'a> Lanes<'a> {
     pub fn new(members: &[&Member<'a>; LANES]) -> Self {
         let inputs = members.map(|member| member.inputs);
-        let steps = members.map(|member| member.inputs.grid.steps_over(member.span));
+        let steps = members.map(|member| {
+            let (grid, (first, count)) = (&member.inputs.grid, member.span);
+            debug_assert!(first + count <= grid.samples(), "beyond the last sample");
+            grid.steps_over(member.span)
+        });
         Lanes { inputs, steps }
     }
 

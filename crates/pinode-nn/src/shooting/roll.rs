@@ -84,6 +84,10 @@ pub(crate) fn over_samples<S: System<Input = usize, Error = Diverged>>(
     state: &mut [f64],
     mut keep: impl FnMut(&[f64]),
 ) -> Result<(), Diverged> {
+    debug_assert!(
+        first + count <= inputs.grid.samples(),
+        "beyond the last sample"
+    );
     for sample in first..first + count - 1 {
         for step in inputs.grid.steps_from(sample) {
             let (a, b) = (inputs.grid.bounds[step], inputs.grid.bounds[step + 1]);
