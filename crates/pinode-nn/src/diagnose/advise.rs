@@ -4,9 +4,10 @@ use super::at_rest::Unborne;
 use super::audit::median;
 use super::candidate::Candidate;
 use super::elsewhere::Elsewhere;
-use super::experiment::{Outcome, Split, short};
+use super::experiment::{CLOSE, Outcome, Split, short};
 use super::misfit::{is_unexplained, strays};
 use super::numerics::soft;
+use super::released::Instead;
 use super::search::Search;
 use super::study::Study;
 use super::unseen_spring::UnseenSpring;
@@ -35,7 +36,7 @@ pub fn advise(
     numerics: &Numerics,
 ) -> Vec<String> {
     let mut advice = Vec::new();
-    for effect in effects {
+    for (effect, found) in effects.iter().zip(&search.found) {
         let own = format!("{} on `{}`", spoken(&effect.kind), effect.target);
         let rivals = || {
             let is_own = |s: &&Split| {
@@ -45,7 +46,10 @@ pub fn advise(
             splits.iter().filter(is_own)
         };
         advice.extend(rivals().map(|split| telling_apart(&own, split)));
-        if effect.confidence < 0.9 && rivals().next().is_none() && search.left.is_none() {
+        let is_tied = rivals().next().is_some();
+        if let Some(other) = found.instead.filter(|other| other.confidence >= CLOSE) {
+            advice.push(constant_instead(&own, &other, &search.model.hybrid));
+        } else if effect.confidence < 0.9 && !is_tied && search.left.is_none() {
             advice.push(format!(
                 "{own} is the best of several names (confidence {:.2}): record a longer log with a wider range of speeds and inputs.",
                 effect.confidence
@@ -164,6 +168,18 @@ fn does_not_stick(placed: &Placed, hybrid: &Hybrid) -> String {
         coordinate.name,
         number(placed.smoothing),
         coordinate.unit(),
+    )
+}
+
+/// What else a name may be: a constant of the mechanism.
+fn constant_instead(own: &str, other: &Instead, hybrid: &Hybrid) -> String {
+    let [given, instead] = other.values;
+    format!(
+        "{own} may as well be the {}, {} in place of {} (confidence {:.2}): the motion does not tell them apart. Weigh it, or measure what the input does.",
+        hybrid.describe(other.index, &[]),
+        number(instead),
+        number(given),
+        other.confidence
     )
 }
 

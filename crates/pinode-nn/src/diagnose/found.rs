@@ -8,7 +8,7 @@ use super::experiment::CLOSE;
 use super::refine::{
     Contender, FIRST_LOOK, contender, is_imitated, is_sensible, polish, rank, refine_one,
 };
-use super::released::share_beside;
+use super::released::{Instead, instead};
 use super::remainder::Remainder;
 use super::screen::screen;
 use super::step::{LEAST_T2, Report, Step, is_second_choice, lookalikes};
@@ -37,6 +37,8 @@ pub struct Found {
     pub comparison: Comparison,
     /// The spring by which it may be driven and not show.
     pub unseen_spring: Option<UnseenSpring>,
+    /// The constant of the mechanism that it may be instead.
+    pub instead: Option<Instead>,
 }
 
 impl Found {
@@ -231,7 +233,9 @@ pub fn revisit(
             rivals
         };
         let mut weighed = weigh(study, added[k], &rivals, (current, &reduced));
-        weighed.believe(share_beside(study, &weighed, (current, &reduced)));
+        weighed.instead = instead(study, &weighed, (current, &reduced));
+        let other = weighed.instead.map_or(0.0, |other| other.confidence);
+        weighed.believe(1.0 - other);
         found.push(weighed);
     }
     found
@@ -326,6 +330,7 @@ fn weigh(
         rivals: fitted,
         comparison: Comparison::of(model, reduced),
         unseen_spring: None,
+        instead: None,
     }
 }
 

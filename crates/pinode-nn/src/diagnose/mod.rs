@@ -19,6 +19,7 @@ pub(crate) mod audit;
 mod blows;
 mod candidate;
 mod cleaned;
+mod clock;
 mod comparison;
 mod confidence;
 mod constancy;

@@ -18,7 +18,7 @@ const IMITATED: f64 = 0.9;
 const COMPARING: (usize, usize) = (1, 4);
 const COMPARING_DRIVES: (usize, usize) = (1, 8);
 /// … and one in so many of the windows.
-const SHARE: usize = 4;
+pub const SHARE: usize = 4;
 /// Iterations of a fit that refines: of a first look at what has no memory, and of all else.
 pub const FIRST_LOOK: usize = 5;
 pub const ITERATIONS: usize = 12;

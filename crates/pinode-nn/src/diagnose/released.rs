@@ -12,7 +12,7 @@ use super::found::Found;
 use super::refine::{Contender, ITERATIONS, best};
 use super::study::{Fitted, Study};
 use crate::effect::Action;
-use crate::hybrid::ConstantId;
+use crate::hybrid::{Constant, ConstantId};
 
 /// So many constants are tried, those first whose release promises most.
 const TRIED: usize = 2;
@@ -67,16 +67,42 @@ pub fn is_ahead(released: &Fitted, contender: &Contender) -> bool {
     released.score(1) > contender.score + ahead
 }
 
-/// The probability of what was found beside the constant that would explain as much of what `reduced`, the model without it, lacks; 1 where the
-/// windows themselves speak for the name, and where it says the same.
-pub fn share_beside(study: &Study, found: &Found, (current, reduced): (&Fitted, &Fitted)) -> f64 {
+/// A constant of the mechanism that explains what a name does, where its tolerance is set aside.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Instead {
+    /// Its index in θ: constants of the mechanism come first, whatever effects there are.
+    pub index: usize,
+    /// What the model says it is, and what it would be.
+    pub values: [f64; 2],
+    /// How probable it is that it is this one.
+    pub confidence: f64,
+}
+
+/// The constant that would explain as much as what was found of what `reduced`, the model without it, lacks; none where the windows themselves speak for
+/// the name, and where it says the same.
+pub fn instead(
+    study: &Study,
+    found: &Found,
+    (current, reduced): (&Fitted, &Fitted),
+) -> Option<Instead> {
     if is_inertia(&found.candidate) || found.comparison.explains() {
-        return 1.0;
+        return None;
     }
-    released(study, reduced).map_or(1.0, |released| {
-        let (own, other) = (&current.inside.free, &reduced.inside.free);
-        let more = own.len().saturating_sub(other.len());
-        let behind = released.score(1) - current.score(more);
-        1.0 / (1.0 + behind.exp())
+    let released = released(study, reduced)?;
+    let (own, other) = (&current.inside.free, &reduced.inside.free);
+    let more = own.len().saturating_sub(other.len());
+    let behind = released.score(1) - current.score(more);
+    let constants = reduced.hybrid.constants().iter();
+    let is_free = |(old, new): (&Constant, &Constant)| old.tolerance != new.tolerance;
+    let index = constants
+        .zip(released.hybrid.constants())
+        .position(is_free)?;
+    Some(Instead {
+        index,
+        values: [
+            reduced.hybrid.constants()[index].value,
+            released.inside.theta[index],
+        ],
+        confidence: 1.0 - 1.0 / (1.0 + behind.exp()),
     })
 }

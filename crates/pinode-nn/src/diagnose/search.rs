@@ -4,6 +4,7 @@ use std::sync::OnceLock;
 
 use super::accept::accept;
 use super::candidate::Candidate;
+use super::clock::of_the_inputs;
 use super::comparison::{Comparison, RELIEF};
 use super::found::{Found, SAME, position, prune, revisit};
 use super::misfit::explained;
@@ -164,8 +165,8 @@ pub fn has_names(model: &Fitted, names: &[Candidate]) -> bool {
 
 /// Searches for what `null` is missing.
 ///
-/// When one effect does not suffice, the strongest rivals of the first are followed as well: a stand-in that is accepted first can
-/// shut out a pair that explains more. So is friction that the log's rests show, which does better as soon as it is sharp.
+/// When one effect does not suffice and what joins it leaves something, the strongest rivals of the first are followed as well: a stand-in that is accepted
+/// first can shut out a pair that explains more. So is friction that the log's rests show, which does better as soon as it is sharp.
 ///
 /// Where nothing is found, it is looked for again beside pushes from outside, if there are any.
 pub fn search(study: &Study, null: Fitted, seed: u64, report: Report) -> Search {
@@ -209,13 +210,15 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
         been = path.follow(&base, k, (Turn::Further, u64::MAX), &[], seed, report);
     }
     let most = GENEROUS * (study.work() - begun);
-    let many = path.at.added.len() > 1;
+    // What leaves nothing that follows from anything has shut out nothing.
+    let left = path.at.current.hint(&path.at.study, false).is_some();
+    let is_unfinished = path.at.added.len() > 1 && left;
     let has_states = |added: &[Candidate]| added.iter().any(|c| is_dear(c.kind));
     // What has states of its own and did not stay beside the first would not beside its rivals.
     let stayed = has_states(&path.at.added);
     let shown = |k: &usize| holds(study, &base, &first.contenders[*k]);
     let rivals = rivals_of_the_first(&first, &base).into_iter();
-    for k in rivals.filter(|k| many || shown(k)) {
+    for k in rivals.filter(|k| is_unfinished || shown(k)) {
         let turn = match stayed || has_states(&first.contenders[k].added) {
             true => Turn::Further,
             false => Turn::Aside,
@@ -263,6 +266,10 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
         study,
         smooth,
     } = path.at;
+    if let Some(of_the_inputs) = of_the_inputs(&study, &current, &added) {
+        report("what is read late by the same everywhere is told as inputs that are late");
+        (current, added) = of_the_inputs;
+    }
     let mut found = revisit(
         &study,
         &base,

@@ -1,6 +1,7 @@
 //! Effects that no data of a mechanism tell apart, for they are one equation.
 
 use super::candidate::Candidate;
+use super::clock::{LATE, on_another_clock};
 use super::study::{Fitted, Study};
 use crate::effect::{ActsOn, Kind, registry};
 use crate::hybrid::Hybrid;
@@ -39,7 +40,7 @@ pub fn twins_of(
 ) -> Vec<Candidate> {
     let hybrid = &model.hybrid;
     if LATE.contains(&candidate.kind.name) {
-        return late_twins(study, candidate, hybrid);
+        return late_twins(study, candidate, model);
     }
     if !OFFSET_CLASS.contains(&candidate.kind.name) {
         return Vec::new();
@@ -80,9 +81,6 @@ pub fn twins_of(
         .collect()
 }
 
-/// What is late, of one coordinate that one input drives: no clock tells whether it is pushed late, or read late.
-const LATE: [&str; 2] = ["input_delay", "sensor_delay"];
-
 /// Whether a candidate is asked for as another of `all`: of two delays that are one equation the input's, which no sample is lost to.
 pub fn is_told_as_another(candidate: &Candidate, all: &[Candidate], hybrid: &Hybrid) -> bool {
     let [pushed, read] = LATE;
@@ -95,16 +93,18 @@ fn is_one_delay(hybrid: &Hybrid) -> bool {
     hybrid.nv() == 1 && hybrid.inputs() == 1
 }
 
-/// The other delay, where there is one only.
-fn late_twins(study: &Study, candidate: &Candidate, hybrid: &Hybrid) -> Vec<Candidate> {
-    let alone = is_one_delay(hybrid);
-    let others = LATE
-        .iter()
-        .filter(|name| alone && **name != candidate.kind.name);
-    others
-        .filter_map(|name| registry::find(name))
-        .filter(|kind| !study.without.contains(kind))
-        .map(|kind| Candidate { kind, target: 0 })
+/// The other delay, where there is one only, or all are late by the same.
+fn late_twins(study: &Study, candidate: &Candidate, model: &Fitted) -> Vec<Candidate> {
+    let twin = match is_one_delay(&model.hybrid) {
+        true => LATE
+            .iter()
+            .filter(|name| **name != candidate.kind.name)
+            .find_map(|name| registry::find(name))
+            .map(|kind| Candidate { kind, target: 0 }),
+        false => on_another_clock(candidate, model),
+    };
+    twin.filter(|twin| !study.without.contains(&twin.kind))
+        .into_iter()
         .collect()
 }
 
@@ -167,7 +167,6 @@ mod tests {
         assert!(twins_of(&without, &pushed, (&null, &null)).is_empty());
         let models = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
         let cartpole = crate::model::Model::load(&models.join("cartpole/cartpole.toml")).unwrap();
-        let hybrid = Hybrid::of(&cartpole);
-        assert!(late_twins(&without, &read, &hybrid).is_empty());
+        assert!(!is_one_delay(&Hybrid::of(&cartpole)));
     }
 }

@@ -2,14 +2,15 @@
 //!
 //! A motor that drives a joint by a rigid shaft adds its inertia to the joint's; by a spring it is an elastic transmission, of which that is the limit
 //! k → ∞. Data that show the inertia may say nothing of a stiff spring, and a name that leaves it out must not say that there is none. So elastic
-//! transmissions are fitted in place of the inertia, from springs of several stiffnesses; the softest that does as well is told.
+//! transmissions are fitted in place of the inertia, from springs of several stiffnesses and to some of the windows; the softest that does as well there
+//! and in all of them is told.
 
 use rayon::prelude::*;
 
 use super::candidate::Candidate;
 use super::comparison::Comparison;
 use super::found::{Found, position, stripped};
-use super::refine::ITERATIONS;
+use super::refine::{ITERATIONS, SHARE};
 use super::study::{Fitted, Study};
 use crate::effect::registry;
 
@@ -64,25 +65,47 @@ pub fn unseen_spring(
         let damping = 2.0 * DAMPING * frequency * reduced;
         vec![stiffness, damping, own]
     };
+    // What does not do as well in some of the windows does not in all; of what does, the softest is asked there first.
+    let (some, there) = study.some_windows(current, SHARE);
+    let there = some.fit(
+        there.hybrid.clone(),
+        there.start(there.inside.theta.clone()),
+        0,
+        0,
+    );
     let fitted = FREQUENCIES.par_iter().map(|&frequency| {
         let (hybrid, theta) = candidate.place(&hybrid, &theta, &start(frequency));
-        study.fit(hybrid, current.start(theta), 1, ITERATIONS)
+        some.fit(hybrid, there.start(theta), 1, ITERATIONS)
     });
     let fitted: Vec<Fitted> = fitted.collect();
-    let as_good = fitted.into_iter().filter_map(|elastic| {
-        let place = elastic.hybrid.range(position(&elastic, &candidate)?).start;
-        let stiffness = *elastic.inside.theta.get(place)?;
-        let lead = Comparison::of(&elastic, current);
-        // Where a window determines the motor's state by itself, that costs a nat and explains half of one of its noise.
-        let determined = |fitted: &Fitted| fitted.inside.determined.iter().sum::<f64>();
-        let paid = 0.5 * (determined(&elastic) - determined(current));
-        (lead.total() + paid > -FAR_OFF * paid.max(0.0).sqrt() && !lead.explains())
-            .then_some((stiffness, elastic))
-    });
-    let (stiffness, elastic) = as_good.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let stiffness = |elastic: &Fitted| {
+        let place = elastic.hybrid.range(position(elastic, &candidate)?).start;
+        elastic.inside.theta.get(place).copied()
+    };
+    let as_good = fitted
+        .into_iter()
+        .filter(|elastic| is_as_good(elastic, &there));
+    let mut springs: Vec<(f64, Fitted)> = as_good
+        .filter_map(|elastic| Some((stiffness(&elastic)?, elastic)))
+        .collect();
+    springs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (stiffness, elastic) = springs.into_iter().find_map(|(_, elastic)| {
+        let start = current.start(elastic.inside.theta);
+        let elastic = study.fit(elastic.hybrid, start, 1, ITERATIONS);
+        is_as_good(&elastic, current).then_some((stiffness(&elastic)?, elastic))
+    })?;
     let spring = UnseenSpring {
         candidate,
         stiffness,
     };
     Some((spring, elastic))
+}
+
+/// Whether a spring does as well as a rigid shaft, and does not explain more.
+fn is_as_good(elastic: &Fitted, rigid: &Fitted) -> bool {
+    let lead = Comparison::of(elastic, rigid);
+    // Where a window determines the motor's state by itself, that costs a nat and explains half of one of its noise.
+    let determined = |fitted: &Fitted| fitted.inside.determined.iter().sum::<f64>();
+    let paid = 0.5 * (determined(elastic) - determined(rigid));
+    lead.total() + paid > -FAR_OFF * paid.max(0.0).sqrt() && !lead.explains()
 }

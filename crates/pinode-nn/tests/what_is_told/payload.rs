@@ -145,24 +145,28 @@ fn what_an_arm_holds_is_a_payload_with_its_mass_and_its_place() {
     assert!(said.is_some(), "{:?}", found.advice);
 }
 
-/// One link of 0.4 kg whose centre of mass is 0.25 m below its joint, read to 20 µrad. All its forces by one factor are the same motion, and a fit that began where the
+/// One link of 0.4 kg whose centre of mass is 0.25 m below its joint, with its motor, read with this noise; its forces are those of [`log_by`].
+fn single_link(dir: &std::path::Path, noise: f64, more: &str) -> Model {
+    let urdf = r#"<robot name="arm"><link name="base"/>
+      <link name="link"><inertial><origin xyz="0 0 -0.25"/><mass value="0.4"/>
+      <inertia ixx="0.025" iyy="0.025" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      <joint name="joint" type="continuous"><parent link="base"/><child link="link"/><axis xyz="0 1 0"/></joint></robot>"#;
+    std::fs::write(dir.join("arm.urdf"), urdf).unwrap();
+    let text = format!(
+        "urdf = \"arm.urdf\"\n[[input]]\nname = \"motor\"\njoint = \"joint\"\n\
+         [[effect]]\nkind = \"viscous_friction\"\njoint = \"joint\"\ncoefficient = 0.01\n{more}\
+         [sensor.joint]\nposition_noise = {noise:e}\nvelocity = \"none\"\n"
+    );
+    Model::parse(&dir.join("arm.toml"), text).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Read to 20 µrad. All forces of a single link by one factor are the same motion, and a fit that began where the
 /// model without the load had stretched its mass and its gain crept back from there: less gain and more mass, or a mass of −1.7 kg, for what it holds.
 #[test]
 fn what_a_single_link_holds_is_a_payload_however_far_it_had_stretched_mass_and_gain() {
     const LOAD: (f64, f64) = (0.15, 0.4);
     let dir = tempfile::tempdir().unwrap();
-    let urdf = r#"<robot name="arm"><link name="base"/>
-      <link name="link"><inertial><origin xyz="0 0 -0.25"/><mass value="0.4"/>
-      <inertia ixx="0.025" iyy="0.025" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
-      <joint name="joint" type="continuous"><parent link="base"/><child link="link"/><axis xyz="0 1 0"/></joint></robot>"#;
-    std::fs::write(dir.path().join("arm.urdf"), urdf).unwrap();
-    let text = "urdf = \"arm.urdf\"\n[[input]]\nname = \"motor\"\njoint = \"joint\"\n\
-         [[effect]]\nkind = \"viscous_friction\"\njoint = \"joint\"\ncoefficient = 0.01\n\
-         [sensor.joint]\nposition_noise = 2e-5\nvelocity = \"none\"\n";
-    let parsed = |text: String| {
-        Model::parse(&dir.path().join("arm.toml"), text).unwrap_or_else(|e| panic!("{e}"))
-    };
-    let given = parsed(text.to_owned());
+    let given = single_link(dir.path(), 2e-5, "");
     let (mass, at) = LOAD;
     let inertia = OF_ONE + mass * at * at;
     let weight = WEIGHT + mass * GRAVITY * at;
@@ -184,9 +188,37 @@ fn what_a_single_link_holds_is_a_payload_however_far_it_had_stretched_mass_and_g
         assert!(off < 0.02 * value, "{name}: {fitted:?}");
     }
     let held = "[[effect]]\nkind = \"payload\"\nlink = \"link\"\nmass = 0.15\nplace = 1.6\n";
-    let of_truth = diagnosed(&parsed(format!("{text}{held}")), log).gap.before;
+    let of_truth = diagnosed(&single_link(dir.path(), 2e-5, held), log)
+        .gap
+        .before;
     let gap = &found.gap;
     assert!(gap.after < 1.3 * of_truth, "{gap:?}, {of_truth}");
+}
+
+/// Half of what the motor does, or twice the mass: the weight of a single link sets no scale, for it is in proportion.
+#[test]
+fn a_gain_is_told_with_the_mass_that_it_may_be_instead() {
+    let dir = tempfile::tempdir().unwrap();
+    let law = |_: f64, [_, v]: [f64; 2], u: f64| 0.5 * u - VISCOUS * v;
+    let found = diagnosed(&single_link(dir.path(), 1e-3, ""), log_by(1e-3, 8, law));
+    let [effect] = found.effects.as_slice() else {
+        panic!("{:?}", found.effects);
+    };
+    assert_eq!(effect.kind, "input_gain_error", "{effect:?}");
+    assert!(
+        (effect.parameters["gain"].value + 0.5).abs() < 0.05,
+        "{effect:?}"
+    );
+    assert!((0.2..0.8).contains(&effect.confidence), "{effect:?}");
+    let words = "may as well be the mass scale of `link`, ";
+    let mut advice = found.advice.iter();
+    let said = advice.find_map(|a| a.split_once(words));
+    let (_, said) = said.unwrap_or_else(|| panic!("{:?}", found.advice));
+    let scale = said.split(' ').next().and_then(|scale| scale.parse().ok());
+    assert!(
+        scale.is_some_and(|scale: f64| (scale - 2.0).abs() < 0.1),
+        "{said}"
+    );
 }
 
 #[test]

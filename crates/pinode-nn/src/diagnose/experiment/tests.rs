@@ -141,6 +141,7 @@ fn found(
         rivals: rivals.iter().map(|r| (r.0, with(*r))).collect(),
         comparison: Comparison::of(&fitted, null),
         unseen_spring: None,
+        instead: None,
     };
     let search = Search {
         null: null.clone(),
