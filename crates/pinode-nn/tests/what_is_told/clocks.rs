@@ -57,14 +57,24 @@ fn log(late: [usize; 2]) -> Log {
     recorded(t, q, u.to_vec())
 }
 
-/// The found effects, as kind and target, what they cannot be told from, and their delays, s.
-fn told(found: &Diagnosis) -> Vec<([&str; 2], Vec<[&str; 2]>, f64)> {
+/// A found effect: kind and target, those that it cannot be told from, and its delay, s.
+#[derive(Debug)]
+struct Told<'a> {
+    name: [&'a str; 2],
+    others: Vec<[&'a str; 2]>,
+    delay: f64,
+}
+
+fn told(found: &Diagnosis) -> Vec<Told<'_>> {
     let effects = found.effects.iter();
     let told = effects.map(|effect| {
         let others = effect.indistinguishable_from.iter();
         let others = others.map(|other| [other.kind.as_str(), other.target.as_str()]);
-        let name = [effect.kind.as_str(), effect.target.as_str()];
-        (name, others.collect(), effect.parameters["delay"].value)
+        Told {
+            name: [effect.kind.as_str(), effect.target.as_str()],
+            others: others.collect(),
+            delay: effect.parameters["delay"].value,
+        }
     });
     told.collect()
 }
@@ -73,19 +83,16 @@ fn told(found: &Diagnosis) -> Vec<([&str; 2], Vec<[&str; 2]>, f64)> {
 fn engines_that_are_late_by_the_same_may_be_wagons_that_are_read_late() {
     let found = diagnosed(&parsed(MODEL), log([30, 30]));
     let mut told = told(&found);
-    told.sort_by_key(|(name, ..)| *name);
-    let names: Vec<_> = told.iter().map(|(name, ..)| *name).collect();
-    assert_eq!(
-        names,
-        [["input_delay", "pulling"], ["input_delay", "pushing"]]
-    );
-    let others: Vec<_> = told.iter().flat_map(|(_, others, _)| others).collect();
-    assert_eq!(
-        others,
-        [&["sensor_delay", "front"], &["sensor_delay", "rear"]]
-    );
-    for (name, _, delay) in told {
-        assert!((delay - 0.03).abs() < 1e-3, "{name:?}: {delay}");
+    told.sort_by_key(|told| told.name);
+    let [pulling, pushing] = &told[..] else {
+        panic!("{told:?}")
+    };
+    assert_eq!(pulling.name, ["input_delay", "pulling"]);
+    assert_eq!(pulling.others, [["sensor_delay", "front"]]);
+    assert_eq!(pushing.name, ["input_delay", "pushing"]);
+    assert_eq!(pushing.others, [["sensor_delay", "rear"]]);
+    for engine in [pulling, pushing] {
+        assert!((engine.delay - 0.03).abs() < 1e-3, "{engine:?}");
     }
 }
 
@@ -93,10 +100,10 @@ fn engines_that_are_late_by_the_same_may_be_wagons_that_are_read_late() {
 fn one_engine_that_is_late_is_no_other_clock() {
     let found = diagnosed(&parsed(MODEL), log([30, 0]));
     let told = told(&found);
-    let [(name, others, delay)] = &told[..] else {
+    let [only] = &told[..] else {
         panic!("{told:?}")
     };
-    assert_eq!(*name, ["input_delay", "pulling"]);
-    assert!(others.is_empty(), "{others:?}");
-    assert!((delay - 0.03).abs() < 1e-3, "{delay}");
+    assert_eq!(only.name, ["input_delay", "pulling"]);
+    assert!(only.others.is_empty(), "{only:?}");
+    assert!((only.delay - 0.03).abs() < 1e-3, "{only:?}");
 }
