@@ -5,6 +5,7 @@ use super::audit::median;
 use super::candidate::Candidate;
 use super::elsewhere::Elsewhere;
 use super::experiment::{CLOSE, Outcome, Split, short};
+use super::found::{Found, position};
 use super::misfit::{is_unexplained, strays};
 use super::numerics::soft;
 use super::released::Instead;
@@ -36,7 +37,9 @@ pub fn advise(
     numerics: &Numerics,
 ) -> Vec<String> {
     let mut advice = Vec::new();
-    for (effect, found) in effects.iter().zip(&search.found) {
+    // What is told of is in the model.
+    let told = |found: &&Found| position(&search.model, &found.candidate).is_some();
+    for (effect, found) in effects.iter().zip(search.found.iter().filter(told)) {
         let own = format!("{} on `{}`", spoken(&effect.kind), effect.target);
         let rivals = || {
             let is_own = |s: &&Split| {
@@ -47,7 +50,7 @@ pub fn advise(
         };
         advice.extend(rivals().map(|split| telling_apart(&own, split)));
         let is_tied = rivals().next().is_some();
-        if let Some(other) = found.instead.filter(|other| other.confidence >= CLOSE) {
+        if let Some(other) = found.instead.filter(|other| other.confidence > CLOSE) {
             advice.push(constant_instead(&own, &other, &search.model.hybrid));
         } else if effect.confidence < 0.9 && !is_tied && search.left.is_none() {
             advice.push(format!(

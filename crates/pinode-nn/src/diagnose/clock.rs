@@ -51,8 +51,8 @@ pub fn common_delay(kind: &'static Kind, fitted: &Fitted) -> Option<f64> {
     (!delays.is_empty() && delays.iter().all(agrees)).then_some(mean)
 }
 
-/// Where all that was found to be late is the reading of every coordinate, by the same time: the model whose inputs are late instead, and its names. What
-/// they are told is what a controller can do something about, and of a single input one name for many.
+/// Where the reading of every coordinate was found late by the same time, and there are no more inputs than coordinates: the model whose inputs are late
+/// instead, and its names. They are what a controller can do something about, and of a single input one name for many.
 pub fn of_the_inputs(
     study: &Study,
     current: &Fitted,
@@ -64,6 +64,7 @@ pub fn of_the_inputs(
     let is_found = |candidate: &Candidate| added.contains(candidate);
     let known = inputs.iter().any(|c| position(current, c).is_some());
     if inputs.is_empty()
+        || inputs.len() > readings.len()
         || known
         || study.without.contains(&pushed)
         || !readings.iter().all(is_found)
@@ -101,11 +102,13 @@ pub fn on_another_clock(candidate: &Candidate, model: &Fitted) -> Option<Candida
     let input_on = |c: usize| driven.iter().position(|on| *on == Some(c));
     let each_has_one =
         driven.len() == hybrid.nv() && (0..hybrid.nv()).all(|c| input_on(c).is_some());
-    let late = each_has_one && common_delay(candidate.kind, model).is_some();
     let (kind, target) = match candidate.kind == pushed {
         true => (read, driven.get(candidate.target).copied().flatten()?),
         false => (pushed, input_on(candidate.target)?),
     };
+    // Beside some of both kinds another clock leaves neither alone.
+    let of_both = hybrid.effects().iter().any(|e| e.kind == kind && !e.fixed);
+    let late = each_has_one && !of_both && common_delay(candidate.kind, model).is_some();
     late.then_some(Candidate { kind, target })
 }
 

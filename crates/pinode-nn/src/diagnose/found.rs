@@ -77,6 +77,9 @@ impl Found {
         for (_, confidence) in &mut self.alternatives {
             *confidence *= share;
         }
+        if let Some(instead) = &mut self.instead {
+            instead.confidence *= share;
+        }
     }
 }
 
@@ -233,9 +236,10 @@ pub fn revisit(
             rivals
         };
         let mut weighed = weigh(study, added[k], &rivals, (current, &reduced));
-        weighed.instead = instead(study, &weighed, (current, &reduced));
-        let other = weighed.instead.map_or(0.0, |other| other.confidence);
-        weighed.believe(1.0 - other);
+        if let Some(instead) = instead(study, &weighed, (current, &reduced)) {
+            weighed.believe(1.0 - instead.confidence);
+            weighed.instead = Some(instead);
+        }
         found.push(weighed);
     }
     found

@@ -210,7 +210,7 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
         been = path.follow(&base, k, (Turn::Further, u64::MAX), &[], seed, report);
     }
     let most = GENEROUS * (study.work() - begun);
-    // What leaves nothing that follows from anything has shut out nothing.
+    // What leaves nothing that follows from anything has hardly shut out what explains more.
     let left = path.at.current.hint(&path.at.study, false).is_some();
     let is_unfinished = path.at.added.len() > 1 && left;
     let has_states = |added: &[Candidate]| added.iter().any(|c| is_dear(c.kind));
