@@ -38,8 +38,8 @@ pub fn advise(
 ) -> Vec<String> {
     let mut advice = Vec::new();
     // What is told of is in the model.
-    let told = |found: &&Found| position(&search.model, &found.candidate).is_some();
-    for (effect, found) in effects.iter().zip(search.found.iter().filter(told)) {
+    let stays = |found: &&Found| position(&search.model, &found.candidate).is_some();
+    for (effect, found) in effects.iter().zip(search.found.iter().filter(stays)) {
         let own = format!("{} on `{}`", spoken(&effect.kind), effect.target);
         let rivals = || {
             let is_own = |s: &&Split| {
@@ -49,10 +49,10 @@ pub fn advise(
             splits.iter().filter(is_own)
         };
         advice.extend(rivals().map(|split| telling_apart(&own, split)));
-        let is_tied = rivals().next().is_some();
-        if let Some(other) = found.instead.filter(|other| other.confidence > CLOSE) {
-            advice.push(constant_instead(&own, &other, &search.model.hybrid));
-        } else if effect.confidence < 0.9 && !is_tied && search.left.is_none() {
+        let other = found.instead.filter(|other| other.confidence > CLOSE);
+        let told = effect.confidence + other.map_or(0.0, |other| other.confidence);
+        advice.extend(other.map(|other| constant_instead(&own, &other, &search.model.hybrid)));
+        if told < 0.9 && rivals().next().is_none() && search.left.is_none() {
             advice.push(format!(
                 "{own} is the best of several names (confidence {:.2}): record a longer log with a wider range of speeds and inputs.",
                 effect.confidence
@@ -178,7 +178,7 @@ fn does_not_stick(placed: &Placed, hybrid: &Hybrid) -> String {
 fn constant_instead(own: &str, other: &Instead, hybrid: &Hybrid) -> String {
     let [given, instead] = other.values;
     format!(
-        "{own} may as well be the {}, {} in place of {} (confidence {:.2}): the motion does not tell them apart. Weigh it, or measure what the input does.",
+        "{own} may be the {} instead, {} in place of {} (confidence {:.2}): the motion hardly tells them apart. Measure one of the two by itself.",
         hybrid.describe(other.index, &[]),
         number(instead),
         number(given),
@@ -414,6 +414,8 @@ fn experiment(a: &str, b: &str) -> &'static str {
         "drive it slowly and fast, each both ways, so that the speeds span a range of at least 1 : 10"
     } else if is("linear_spring") || is("cubic_spring") || is("constant_force") {
         "move slowly through the whole range of positions, both ways"
+    } else if is("input_delay") && is("sensor_delay") {
+        "let it go by hand at a time that its clock knows: what no input makes is late only where it is read"
     } else if is("input_delay") {
         "record sharp steps of the input"
     } else {

@@ -2,7 +2,7 @@
 //!
 //! M v̇ + C v + G = Q(q, v, u(t − T)),  y(t) = q(t),
 //!
-//! is, on another clock, one that they reach at once and that is read T late: y(t) = q(t − T). No data tell the two apart.
+//! is, on another clock, one that they reach at once and that is read T late: y(t) = q(t − T). No inputs and readings by one clock tell the two apart.
 
 use super::candidate::Candidate;
 use super::comparison::{Comparison, RELIEF, SURE};
@@ -34,13 +34,14 @@ pub fn common_delay(kind: &'static Kind, fitted: &Fitted) -> Option<f64> {
     let delay = |candidate: Candidate| {
         let at = fitted.hybrid.range(position(fitted, &candidate)?).start;
         let error = errors[fit.free.iter().position(|&free| free == at)?];
-        Some((fit.theta[at], error))
+        // What the data do not determine agrees with nothing.
+        (error > 0.0 && error.is_finite()).then_some((fit.theta[at], error))
     };
     let delays: Vec<(f64, f64)> = everywhere(kind, fitted)
         .into_iter()
         .map(delay)
         .collect::<Option<_>>()?;
-    let weight = |error: f64| 1.0 / error.max(f64::MIN_POSITIVE).powi(2);
+    let weight = |error: f64| error.powi(2).recip();
     let weights: f64 = delays.iter().map(|(_, error)| weight(*error)).sum();
     let mean: f64 = delays
         .iter()
@@ -84,15 +85,22 @@ pub fn of_the_inputs(
     let model = study.fit(hybrid, current.start(theta), 1, ITERATIONS);
     let as_well = Comparison::of(&model, current);
     let (z_in, z_out) = (as_well.inside.z, as_well.outside.z);
-    let is_one = z_in > BEHIND && z_out > BEHIND && as_well.relief > -RELIEF;
+    let is_as_good = z_in > BEHIND && z_out > BEHIND && as_well.relief > -RELIEF;
+    // An input that never moves is late by anything.
+    let is_one = is_as_good && common_delay(pushed, &model).is_some();
     is_one.then(|| {
         let others = added.iter().filter(|c| !readings.contains(c)).copied();
         (model, inputs.into_iter().chain(others).collect())
     })
 }
 
-/// The other name of a candidate that is late as all others of its kind are, where every coordinate has one input.
-pub fn on_another_clock(candidate: &Candidate, model: &Fitted) -> Option<Candidate> {
+/// The other name of a candidate that is late as all others of its kind are, of which all were `added`, where every coordinate has one input. It goes with
+/// the other names of the others, and alone is none.
+pub fn on_another_clock(
+    candidate: &Candidate,
+    added: &[Candidate],
+    model: &Fitted,
+) -> Option<Candidate> {
     let hybrid = &model.hybrid;
     let [pushed, read] = LATE.map(registry::find);
     let (pushed, read) = (pushed?, read?);
@@ -106,9 +114,12 @@ pub fn on_another_clock(candidate: &Candidate, model: &Fitted) -> Option<Candida
         true => (read, driven.get(candidate.target).copied().flatten()?),
         false => (pushed, input_on(candidate.target)?),
     };
-    // Beside some of both kinds another clock leaves neither alone.
+    // Beside some of both kinds, or some that are known, another clock leaves neither alone.
     let of_both = hybrid.effects().iter().any(|e| e.kind == kind && !e.fixed);
-    let late = each_has_one && !of_both && common_delay(candidate.kind, model).is_some();
+    let all = everywhere(candidate.kind, model);
+    let are_found = all.iter().all(|c| added.contains(c));
+    let late =
+        each_has_one && !of_both && are_found && common_delay(candidate.kind, model).is_some();
     late.then_some(Candidate { kind, target })
 }
 
@@ -134,7 +145,8 @@ mod tests {
         };
         assert_eq!(names, [pushed, viscous]);
         assert!(position(&model, &pushed).is_some() && position(&model, &read).is_none());
-        assert_eq!(on_another_clock(&pushed, &model), Some(read));
-        assert_eq!(on_another_clock(&read, &late), Some(pushed));
+        assert_eq!(on_another_clock(&pushed, &names, &model), Some(read));
+        assert_eq!(on_another_clock(&read, &[read], &late), Some(pushed));
+        assert_eq!(on_another_clock(&read, &[], &late), None, "it was known");
     }
 }

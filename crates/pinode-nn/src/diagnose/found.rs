@@ -235,7 +235,7 @@ pub fn revisit(
             }
             rivals
         };
-        let mut weighed = weigh(study, added[k], &rivals, (current, &reduced));
+        let mut weighed = weigh(study, (&*added, k), &rivals, (current, &reduced));
         if let Some(instead) = instead(study, &weighed, (current, &reduced)) {
             weighed.believe(1.0 - instead.confidence);
             weighed.instead = Some(instead);
@@ -279,15 +279,16 @@ fn rivals(
 /// The confidence in a found effect of a model among its rivals, `reduced` the model without it; what the data do not tell apart counts together.
 fn weigh(
     study: &Study,
-    candidate: Candidate,
+    (added, k): (&[Candidate], usize),
     rivals: &[Contender],
     (model, reduced): (&Fitted, &Fitted),
 ) -> Found {
+    let candidate = added[k];
     let own = rivals.iter().find(|c| c.added.contains(&candidate));
     let mut confidence = 0.0;
     let mut alternatives = Vec::new();
     let mut indistinguishable: Vec<Candidate> = Vec::new();
-    let twins = twins_of(study, &candidate, (model, reduced));
+    let twins = twins_of(study, &candidate, added, (model, reduced));
     for rival in rivals {
         let [other] = rival.added[..] else {
             if rival.added.contains(&candidate) {

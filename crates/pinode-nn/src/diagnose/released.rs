@@ -9,10 +9,10 @@ use rayon::prelude::*;
 use super::candidate::Candidate;
 use super::comparison::{Comparison, RELIEF};
 use super::found::Found;
-use super::refine::{Contender, ITERATIONS, best};
+use super::refine::{Contender, ITERATIONS};
 use super::study::{Fitted, Study};
 use crate::effect::Action;
-use crate::hybrid::{Constant, ConstantId};
+use crate::hybrid::ConstantId;
 
 /// So many constants are tried, those first whose release promises most.
 const TRIED: usize = 2;
@@ -21,11 +21,11 @@ const AHEAD: f64 = 1.0;
 /// … and one that says of a body or a joint what the scale of a body says, that its inertia is another, by so many: twenty to one.
 const AHEAD_OF_INERTIA: f64 = 3.0;
 
-/// The model with the tolerance of one constant of its mechanism set aside, the one that explains most; `None` where the fit does not stretch
+/// The index in θ of one constant of the mechanism and the model with its tolerance set aside, the one that explains most; `None` where the fit does not stretch
 /// its tolerances so far that their relief would speak for anything.
 ///
 /// Of a constant that is d from its value with the tolerance τ and the standard error s, its release promises d²/2(τ² − s²).
-pub fn released(study: &Study, current: &Fitted) -> Option<Fitted> {
+pub fn released(study: &Study, current: &Fitted) -> Option<(usize, Fitted)> {
     let fit = &current.inside;
     if fit.stretch <= RELIEF {
         return None;
@@ -48,9 +48,13 @@ pub fn released(study: &Study, current: &Fitted) -> Option<Fitted> {
         let mut hybrid = current.hybrid.clone();
         hybrid.constants_mut()[i].tolerance = f64::INFINITY;
         let start = current.start(fit.theta.clone());
-        study.fit(hybrid, start, 1, ITERATIONS)
+        (i, study.fit(hybrid, start, 1, ITERATIONS))
     });
-    best(fits.collect()).filter(|fitted| Comparison::of(fitted, current).relieves())
+    let fits: Vec<(usize, Fitted)> = fits.collect();
+    let best = fits
+        .into_iter()
+        .max_by(|a, b| a.1.score(0).total_cmp(&b.1.score(0)));
+    best.filter(|(_, fitted)| Comparison::of(fitted, current).relieves())
 }
 
 /// Whether a name does what the scale of a body does: it says that the inertia of a body, or of a joint, is another.
@@ -88,15 +92,10 @@ pub fn instead(
     if is_inertia(&found.candidate) || found.comparison.explains() {
         return None;
     }
-    let released = released(study, reduced)?;
+    let (index, released) = released(study, reduced)?;
     let (own, other) = (&current.inside.free, &reduced.inside.free);
     let more = own.len().saturating_sub(other.len());
     let behind = released.score(1) - current.score(more);
-    let constants = reduced.hybrid.constants().iter();
-    let is_free = |(old, new): (&Constant, &Constant)| old.tolerance != new.tolerance;
-    let index = constants
-        .zip(released.hybrid.constants())
-        .position(is_free)?;
     Some(Instead {
         index,
         values: [

@@ -211,8 +211,8 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
     }
     let most = GENEROUS * (study.work() - begun);
     // What leaves nothing that follows from anything has hardly shut out what explains more.
-    let left = path.at.current.hint(&path.at.study, false).is_some();
-    let is_unfinished = path.at.added.len() > 1 && left;
+    let leaves = path.at.current.hint(&path.at.study, false).is_some();
+    let is_unfinished = path.at.added.len() > 1 && leaves;
     let has_states = |added: &[Candidate]| added.iter().any(|c| is_dear(c.kind));
     // What has states of its own and did not stay beside the first would not beside its rivals.
     let stayed = has_states(&path.at.added);
@@ -266,9 +266,9 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
         study,
         smooth,
     } = path.at;
-    if let Some(of_the_inputs) = of_the_inputs(&study, &current, &added) {
+    if let Some(pushed) = of_the_inputs(&study, &current, &added) {
         report("what is read late by the same everywhere is told as inputs that are late");
-        (current, added) = of_the_inputs;
+        (current, added) = pushed;
     }
     let mut found = revisit(
         &study,

@@ -158,10 +158,10 @@ pub fn step_from(
         let step = one_step(study, &current, &all, turn, seed, report);
         let released = match step.accepted() {
             Some(accepted) if accepted.comparison.explains() => None,
-            Some(accepted) => released(study, &current).filter(|r| is_ahead(r, accepted)),
+            Some(accepted) => released(study, &current).filter(|(_, r)| is_ahead(r, accepted)),
             None => released(study, &current),
         };
-        let Some(released) = released else {
+        let Some((_, released)) = released else {
             return (current, step);
         };
         report("a constant of the mechanism is not what its tolerance allows");

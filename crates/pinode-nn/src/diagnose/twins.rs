@@ -31,16 +31,17 @@ const BEHIND_INPUTS: [&str; 3] = [
     "load_dependent_friction",
 ];
 
-/// The twins of a found effect of a model, `reduced` the model without it: a difference of Coulomb friction is one only where there is such friction
+/// The twins of an effect of a model, one of those `added` to what was given, `reduced` the model without it: a difference of Coulomb friction is one only where there is such friction
 /// on the same coordinate without it, an offset of the input only where that arrives as it is.
 pub fn twins_of(
     study: &Study,
     candidate: &Candidate,
+    added: &[Candidate],
     (model, reduced): (&Fitted, &Fitted),
 ) -> Vec<Candidate> {
     let hybrid = &model.hybrid;
     if LATE.contains(&candidate.kind.name) {
-        return late_twins(study, candidate, model);
+        return late_twins(study, candidate, added, model);
     }
     if !OFFSET_CLASS.contains(&candidate.kind.name) {
         return Vec::new();
@@ -94,14 +95,19 @@ fn is_one_delay(hybrid: &Hybrid) -> bool {
 }
 
 /// The other delay, where there is one only, or all are late by the same.
-fn late_twins(study: &Study, candidate: &Candidate, model: &Fitted) -> Vec<Candidate> {
+fn late_twins(
+    study: &Study,
+    candidate: &Candidate,
+    added: &[Candidate],
+    model: &Fitted,
+) -> Vec<Candidate> {
     let twin = match is_one_delay(&model.hybrid) {
         true => LATE
             .iter()
             .filter(|name| **name != candidate.kind.name)
             .find_map(|name| registry::find(name))
             .map(|kind| Candidate { kind, target: 0 }),
-        false => on_another_clock(candidate, model),
+        false => on_another_clock(candidate, added, model),
     };
     twin.filter(|twin| !study.without.contains(&twin.kind))
         .into_iter()
@@ -142,10 +148,10 @@ mod tests {
         let rubbing = with(&null, "coulomb_friction", &[0.2]);
         for (without, has_twins) in [(&null, false), (&rubbing, true)] {
             let found = with(without, difference.kind.name, &[0.3, 0.1]);
-            let twins = twins_of(&study, &difference, (&found, without));
+            let twins = twins_of(&study, &difference, &[], (&found, without));
             assert_eq!(twins.contains(&candidate("constant_force")), has_twins);
             let found = with(without, "constant_force", &[0.1]);
-            let twins = twins_of(&study, &candidate("constant_force"), (&found, without));
+            let twins = twins_of(&study, &candidate("constant_force"), &[], (&found, without));
             assert_eq!(twins.contains(&difference), has_twins);
         }
     }
@@ -154,8 +160,8 @@ mod tests {
     fn one_input_that_is_late_is_one_coordinate_that_is_read_late() {
         let (_dir, Prepared { study, null, .. }) = prepared(0.0);
         let [pushed, read] = LATE.map(|name| Candidate::named(name, 0));
-        assert_eq!(twins_of(&study, &pushed, (&null, &null)), [read]);
-        assert_eq!(twins_of(&study, &read, (&null, &null)), [pushed]);
+        assert_eq!(twins_of(&study, &pushed, &[pushed], (&null, &null)), [read]);
+        assert_eq!(twins_of(&study, &read, &[read], (&null, &null)), [pushed]);
         let both = [pushed, read];
         assert!(is_told_as_another(&read, &both, &null.hybrid));
         assert!(!is_told_as_another(&pushed, &both, &null.hybrid));
@@ -164,7 +170,7 @@ mod tests {
             without: vec![read.kind],
             ..study
         };
-        assert!(twins_of(&without, &pushed, (&null, &null)).is_empty());
+        assert!(twins_of(&without, &pushed, &[pushed], (&null, &null)).is_empty());
         let models = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
         let cartpole = crate::model::Model::load(&models.join("cartpole/cartpole.toml")).unwrap();
         assert!(!is_one_delay(&Hybrid::of(&cartpole)));

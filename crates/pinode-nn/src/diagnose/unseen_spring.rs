@@ -65,7 +65,7 @@ pub fn unseen_spring(
         let damping = 2.0 * DAMPING * frequency * reduced;
         vec![stiffness, damping, own]
     };
-    // What does not do as well in some of the windows does not in all; of what does, the softest is asked there first.
+    // What does not do as well in some of the windows hardly does in all; of what does, the softest there is asked there first.
     let (some, there) = study.some_windows(current, SHARE);
     let there = some.fit(
         there.hybrid.clone(),
@@ -90,8 +90,8 @@ pub fn unseen_spring(
         .collect();
     springs.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (stiffness, elastic) = springs.into_iter().find_map(|(_, elastic)| {
-        let start = current.start(elastic.inside.theta);
-        let elastic = study.fit(elastic.hybrid, start, 1, ITERATIONS);
+        let begun = current.start(elastic.inside.theta);
+        let elastic = study.fit(elastic.hybrid, begun, 1, ITERATIONS);
         is_as_good(&elastic, current).then_some((stiffness(&elastic)?, elastic))
     })?;
     let spring = UnseenSpring {
