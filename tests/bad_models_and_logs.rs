@@ -153,6 +153,9 @@ const BAD_MODELS: &[(&str, (usize, usize), &[&str])] = &[
     ("urdf = 'cartpole.urdf'\n[log.columns]\n'q.slider' = 5", (3, 14), &["`q.slider` is a number", "name of a column"]),
     ("urdf = 'cartpole.urdf'\n[log.columns]\n'q.slider' = { column = 'x', scale = 0 }", (3, 38), &["`scale` is 0"]),
     ("urdf = 'cartpole.urdf'\n[log.columns]\n'run' = { column = 'x', scale = 2 }", (3, 9), &["`run` is an id"]),
+    ("urdf = 'cartpole.urdf'\n[[input]]\nname = 'a'\njoint = 'slider'\n[log.columns]\n'u.a' = { rows_late = 1.5 }", (6, 23), &["`rows_late` is 1.5", "whole number"]),
+    ("urdf = 'cartpole.urdf'\n[[input]]\nname = 'a'\njoint = 'slider'\n[log.columns]\n'u.a' = { rows_late = -1 }", (6, 23), &["`rows_late` is -1"]),
+    ("urdf = 'cartpole.urdf'\n[log.columns]\n'q.slider' = { rows_late = 1 }", (3, 28), &["of inputs alone", "sensor_delay"]),
 ];
 
 #[test]
@@ -437,12 +440,7 @@ fn what_is_not_used_is_told() {
 #[test]
 fn columns_may_be_named_by_numbers_and_one_that_is_read_twice_is_told() {
     let mapped = |pole: &str| {
-        let of = |(signal, column): (&str, &str)| Mapping {
-            signal: signal.into(),
-            column: column.into(),
-            scale: 1.0,
-            offset: 0.0,
-        };
+        let of = |(signal, column): (&str, &str)| Mapping::new(signal, column);
         let columns = ColumnMap {
             mappings: [
                 ("t", "0"),
@@ -473,10 +471,9 @@ fn columns_may_be_named_by_numbers_and_one_that_is_read_twice_is_told() {
 fn columns_are_mapped_scaled_and_offset() {
     let columns = ColumnMap {
         mappings: vec![Mapping {
-            signal: "q.pole".into(),
-            column: "deg".into(),
             scale: 0.5,
             offset: 1.0,
+            ..Mapping::new("q.pole", "deg")
         }],
     };
     let text = good_rows(10).replacen("q.pole", "deg", 1);
@@ -493,6 +490,22 @@ fn columns_are_mapped_scaled_and_offset() {
             .contains("`deg` (for q.pole, by [log.columns])"),
         "{message}"
     );
+}
+
+#[test]
+fn an_input_that_stands_some_rows_down_is_read_from_there_and_held_at_the_end() {
+    let columns = ColumnMap {
+        mappings: vec![Mapping {
+            rows_late: 2,
+            scale: 10.0,
+            ..Mapping::new("u.motor", "u.motor")
+        }],
+    };
+    let rows = (0..10).map(|k| format!("{},{k},1,0,{k}\n", 0.1 * f64::from(k)));
+    let text = "t,q.slider,q.pole,v.slider,u.motor\n".to_owned() + &rows.collect::<String>();
+    let log = parse_mapped_log(text.as_bytes(), &columns).unwrap();
+    let read = [20., 30., 40., 50., 60., 70., 80., 90., 90., 90.];
+    assert_eq!(log.runs[0].u[0], read);
 }
 
 #[test]

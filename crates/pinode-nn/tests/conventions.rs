@@ -82,10 +82,9 @@ fn degrees_from_the_top_are_read_so_and_by_the_new_model_too() {
         assert!(said.contains(part), "{said}");
     }
     let mapping = Mapping {
-        signal: "q.phi".into(),
-        column: "angle".into(),
         scale: -PI / 180.0,
         offset: PI,
+        ..Mapping::new("q.phi", "angle")
     };
     assert_eq!(new.columns.mappings, [mapping]);
     assert!(found.gap.after < 5.0, "{:?}", found.gap);

@@ -1,10 +1,10 @@
-//! Inputs that arrive between two samples: what the integration steps make of them is nobody's missing physics.
+//! Inputs that arrive between two samples, of which what the integration steps make is nobody's missing physics; and inputs that are written rows late.
 
 use std::path::Path;
 
 use pinode_nn::diagnose::diagnose;
 use pinode_nn::diagnose::verdict::Verdict;
-use pinode_nn::log::Log;
+use pinode_nn::log::{Log, Mapping};
 use pinode_nn::model::Model;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -66,6 +66,59 @@ fn model(effects: &str) -> Model {
          {effects}"
     );
     Model::parse(Path::new("pendulum.toml"), text).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// The log with every torque so many rows further down than where it was put out.
+fn written_late(log: &str, rows: usize) -> String {
+    let lines: Vec<&str> = log.lines().collect();
+    let parts = |line: &str| -> Option<(String, String)> {
+        let (state, torque) = line.rsplit_once(',')?;
+        Some((state.to_owned(), torque.to_owned()))
+    };
+    let parts: Vec<(String, String)> = lines[1..].iter().filter_map(|l| parts(l)).collect();
+    let row = |(k, (state, _)): (usize, &(String, String))| {
+        format!("{state},{}\n", parts[k.saturating_sub(rows)].1)
+    };
+    let rows: String = parts.iter().enumerate().map(row).collect();
+    format!("{}\n{rows}", lines[0])
+}
+
+/// 23.7 ms early are three rows less a delay: no effect makes an input early.
+#[test]
+fn inputs_that_are_written_rows_late_are_read_where_they_belong() {
+    const DELAY: f64 = 6.3e-3;
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("log.csv");
+    std::fs::write(&path, written_late(&thrown_about(DELAY), 3)).unwrap();
+    let given = model("");
+    let log = Log::read(&path, &given).unwrap();
+    let outcome = diagnose(&given, &[log], &[], dir.path(), 0, &|_| ()).unwrap();
+    let found = &outcome.diagnosis;
+    let [late] = &found.effects[..] else {
+        panic!("{:?}, {:?}", found.verdict, found.effects)
+    };
+    assert_eq!(late.kind, "input_delay");
+    let delay = late.parameters["delay"].value;
+    assert!((delay - DELAY).abs() < 1e-5, "{delay}");
+    assert!(found.unexplained.is_none(), "{:?}", found.unexplained);
+    let [fault] = &found.data_faults[..] else {
+        panic!("{:?}", found.data_faults)
+    };
+    assert_eq!((&*fault.kind, &*fault.column), ("convention", "u.motor"));
+    assert!(fault.detail.contains("is written 3 rows late"), "{fault:?}");
+    let new = Model::load(&outcome.model).unwrap();
+    let mapping = Mapping {
+        rows_late: 3,
+        ..Mapping::new("u.motor", "u.motor")
+    };
+    assert_eq!(new.columns.mappings, [mapping]);
+
+    // The new model reads them from there.
+    let reread = Log::read(&path, &new).unwrap();
+    std::fs::write(&path, thrown_about(DELAY)).unwrap();
+    let meant = Log::read(&path, &given).unwrap();
+    let torques = |log: &Log| log.runs[0].u[0][..3990].to_vec();
+    assert_eq!(torques(&reread), torques(&meant));
 }
 
 /// 6.3 ms are no whole number of integration steps, and the torque changes within one.

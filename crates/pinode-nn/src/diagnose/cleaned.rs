@@ -4,12 +4,16 @@ use super::Means;
 use super::audit::{self, Audited, Masked, second_look};
 use super::curves::ResidualForce;
 use super::locate;
+use super::misfit;
 use super::search::{self, Search};
 use super::setup::{Prepared, prepare};
 use super::study::Fitted;
 use super::verdict::{DataFault, Disagreement};
 use crate::Error;
 use crate::model::Model;
+
+/// So many times less noise is taken than readings seemed to have.
+const QUIETER: usize = 2;
 
 /// The null model on data without their faults.
 pub struct Cleaned {
@@ -71,7 +75,31 @@ impl Cleaned {
         locate::locate(study, fitted, smoothed, half_width, &names, &self.masked)
     }
 
-    pub fn search(&self, seed: u64, report: &dyn Fn(&str)) -> Search {
+    /// The search, and again where what it finds shows the data in another light.
+    pub fn searched(&mut self, model: &Model, seed: u64, report: &dyn Fn(&str)) -> Search {
+        let mut search = self.search(seed, report);
+        // What looked like a push beside a wrong model may be none beside the found one.
+        if !search.found.is_empty() && self.takes_back(&search) {
+            report("fitting what seemed to be pushed too: what was found explains it");
+            search = self.search(seed, report);
+        }
+        // What a wrong model hides among its own errors may show beside the found one.
+        if misfit::is_unexplained(&self.prepared.study, &search.model)
+            && self.look_again(model, &search, report)
+        {
+            search = self.search(seed, report);
+        }
+        // What a right model leaves is the noise, however much the readings seemed to scatter.
+        for _ in 0..QUIETER {
+            if !self.takes_less_noise(model, &search.model, report) {
+                break;
+            }
+            search = self.search(seed, report);
+        }
+        search
+    }
+
+    fn search(&self, seed: u64, report: &dyn Fn(&str)) -> Search {
         let Prepared { study, null, .. } = &self.prepared;
         let mut search = search::search(study, null.clone(), seed, report);
         search.normalise();
@@ -79,7 +107,7 @@ impl Cleaned {
     }
 
     /// Goes back to before stretches were left out in which something seemed to push, where what was found explains them. Whether it did.
-    pub fn takes_back(&mut self, search: &Search) -> bool {
+    fn takes_back(&mut self, search: &Search) -> bool {
         let Some(before) = self.before.take() else {
             return false;
         };
@@ -91,12 +119,7 @@ impl Cleaned {
     }
 
     /// Takes what a fitted model leaves for the noise of sensors that seemed to scatter far more, and fits the model as given anew. Whether it did.
-    pub fn takes_less_noise(
-        &mut self,
-        model: &Model,
-        fitted: &Fitted,
-        report: &dyn Fn(&str),
-    ) -> bool {
+    fn takes_less_noise(&mut self, model: &Model, fitted: &Fitted, report: &dyn Fn(&str)) -> bool {
         let Some(overstated) = audit::overstated(model, &self.prepared.study, fitted) else {
             return false;
         };
@@ -121,7 +144,7 @@ impl Cleaned {
     }
 
     /// Looks at the residuals of what was found. Whether a fault of the data was seen.
-    pub fn look_again(&mut self, model: &Model, search: &Search, report: &dyn Fn(&str)) -> bool {
+    fn look_again(&mut self, model: &Model, search: &Search, report: &dyn Fn(&str)) -> bool {
         let (_, residuals) = self.locate(model, &search.model);
         self.look(model, &search.model, &residuals, report)
     }

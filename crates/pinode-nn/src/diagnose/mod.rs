@@ -34,6 +34,7 @@ mod horizons;
 mod idle;
 pub(crate) mod kept;
 mod last_resort;
+mod late_rows;
 mod linear;
 mod locate;
 mod longer;
@@ -51,6 +52,7 @@ pub(crate) mod scales;
 mod score;
 mod screen;
 mod search;
+mod searched;
 mod setup;
 mod shapes;
 mod shown;
@@ -76,12 +78,14 @@ use std::sync::Arc;
 
 use self::candidate::Candidate;
 use self::cleaned::Cleaned;
-use self::conventions::{AsMeant, as_meant, refuse_unmoved};
+use self::conventions::{as_meant, refuse_unmoved};
 use self::curves::Curves;
 use self::elsewhere::elsewhere;
 use self::kept::Kept;
 use self::last_resort::Resort;
+use self::late_rows::searched;
 use self::proof::{Proof, Proved};
+use self::searched::{Ready, Searched};
 use self::study::Study;
 use self::verdict::{Diagnosis, LogProvenance, Numerics, Provenance, Verdict};
 use crate::Error;
@@ -98,9 +102,6 @@ pub use setup::FEWEST_WINDOWS;
 pub const HORIZON_S: f64 = 0.6;
 /// Length of the stretch before a free run that its initial state is fitted to, s at the usual pace.
 pub const LEAD_S: f64 = 0.3;
-
-/// So many times less noise is taken than readings seemed to have.
-const QUIETER: usize = 2;
 
 /// What this is called in errors.
 pub(crate) const WORK: &str = "a diagnosis";
@@ -183,43 +184,19 @@ pub(crate) fn diagnose_into(
     all.try_for_each(|log| log.check(model))?;
     report("reading the log: noise, outliers, gaps");
     refuse_unmoved(model, logs)?;
-    let AsMeant {
-        model,
-        logs,
-        held_out,
-        faults: conventions,
-    } = as_meant(model, logs, held_out, report)?;
-    let (model, logs, held_out) = (&*model, &*logs, &*held_out);
-    let mut audited = audit::audit(model, logs, held_out);
-    audited.faults.splice(..0, conventions);
-    let fit_runs = logs.iter().map(|log| log.runs.len()).sum();
-    let interval = audited.observations.typical_interval();
-    report("fitting the model as given");
-    let mut cleaned = Cleaned::new(model, audited, fit_runs, report, means)?;
+    let meant = as_meant(model, logs, held_out, report)?;
+    let Searched { ready, mut search } = searched(meant, seed, report, means)?;
+    let Ready {
+        meant,
+        cleaned,
+        interval,
+    } = ready;
+    let (model, logs, held_out) = (&*meant.model, &*meant.logs, &*meant.held_out);
     let names: Vec<String> = model
         .inputs
         .iter()
         .map(|input| input.name.clone())
         .collect();
-    let mut search = cleaned.search(seed, report);
-    // What looked like a push beside a wrong model may be none beside the found one.
-    if !search.found.is_empty() && cleaned.takes_back(&search) {
-        report("fitting what seemed to be pushed too: what was found explains it");
-        search = cleaned.search(seed, report);
-    }
-    // What a wrong model hides among its own errors may show beside the found one.
-    if misfit::is_unexplained(&cleaned.prepared.study, &search.model)
-        && cleaned.look_again(model, &search, report)
-    {
-        search = cleaned.search(seed, report);
-    }
-    // What a right model leaves is the noise, however much the readings seemed to scatter.
-    for _ in 0..QUIETER {
-        if !cleaned.takes_less_noise(model, &search.model, report) {
-            break;
-        }
-        search = cleaned.search(seed, report);
-    }
     let Cleaned {
         prepared,
         faults: data_faults,

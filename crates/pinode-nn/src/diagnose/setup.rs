@@ -56,13 +56,7 @@ pub fn prepare(
             window: pace.window(),
         });
     }
-    // Samples much closer than the motion needs cost time and say little more: their errors are the model's, not the sensor's. Means of
-    // an input that is smooth between its samples are no samples of it.
-    let passes = |input: &Input| input.between == Between::Smooth;
-    let observations = match model.inputs.iter().any(passes) {
-        true => observations,
-        false => observations.thinned(pace.closest_samples()),
-    };
+    let observations = thinned(model, observations, &pace);
     let windows = cut(&observations, fit_runs, masked, &pace);
     if !are_enough(&windows) {
         return Err(Error::TooShort {
@@ -145,6 +139,16 @@ pub fn prepare(
         smoothed,
         excitation,
     })
+}
+
+/// What was observed, as it is fitted: samples much closer than the motion needs cost time and say little more, since their errors are the model's, not the
+/// sensor's. Means of an input that is smooth between its samples are no samples of it.
+pub fn thinned(model: &Model, observations: Observations, pace: &Pace) -> Observations {
+    let passes = |input: &Input| input.between == Between::Smooth;
+    match model.inputs.iter().any(passes) {
+        true => observations,
+        false => observations.thinned(pace.closest_samples()),
+    }
 }
 
 /// The windows of what was observed. Of a log that rests most of the time, those in which something happens, the last quarter of them held out unless the

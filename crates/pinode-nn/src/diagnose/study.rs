@@ -142,6 +142,12 @@ impl Fitted {
             .map(|(sigma, channel)| sigma / channel.noise)
             .collect()
     }
+
+    /// The largest of them.
+    pub fn most_excess(&self, study: &Study) -> f64 {
+        let excess = self.excess(&study.observations);
+        excess.into_iter().fold(0.0, f64::max)
+    }
 }
 
 impl Study {

@@ -15,7 +15,7 @@ pub struct ColumnMap {
     pub mappings: Vec<Mapping>,
 }
 
-/// Where one signal stands: signal = column · scale + offset.
+/// Where one signal stands: signal = column · scale + offset, `rows_late` rows further down than the rest of its row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mapping {
     /// `t`, `run`, `q.<joint>`, `v.<joint>` or `u.<input>`.
@@ -26,6 +26,22 @@ pub struct Mapping {
     pub scale: f64,
     /// Added after scaling, in the signal's unit.
     pub offset: f64,
+    /// Of an input: that of row k, held over [t_k, t_{k+1}), stands so many rows further down, as where a row holds what was put out before its
+    /// state was measured.
+    pub rows_late: usize,
+}
+
+impl Mapping {
+    /// The signal is what stands in the column.
+    pub fn new(signal: impl Into<String>, column: impl Into<String>) -> Self {
+        Mapping {
+            signal: signal.into(),
+            column: column.into(),
+            scale: 1.0,
+            offset: 0.0,
+            rows_late: 0,
+        }
+    }
 }
 
 impl ColumnMap {
@@ -35,12 +51,7 @@ impl ColumnMap {
             .iter()
             .find(|mapping| mapping.signal == signal)
             .cloned()
-            .unwrap_or_else(|| Mapping {
-                signal: signal.to_owned(),
-                column: signal.to_owned(),
-                scale: 1.0,
-                offset: 0.0,
-            })
+            .unwrap_or_else(|| Mapping::new(signal, signal))
     }
 }
 

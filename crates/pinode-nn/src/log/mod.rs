@@ -90,6 +90,16 @@ impl Run {
     pub fn is_empty(&self) -> bool {
         self.t.is_empty()
     }
+
+    /// Takes an input from so many rows further down; the last rows keep the last one.
+    pub(crate) fn read_input_later(&mut self, input: usize, rows: usize) {
+        if let Some(column) = self.u.get_mut(input)
+            && let Some(&last) = column.last()
+        {
+            column.drain(..rows.min(column.len()));
+            column.resize(self.t.len(), last);
+        }
+    }
 }
 
 /// What a log is expected to hold.

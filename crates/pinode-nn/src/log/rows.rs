@@ -256,7 +256,12 @@ impl<'a> Rows<'a> {
                     quoted(&mapping.column)
                 )));
             }
-            let runs = long_enough(runs, &mut warnings, &mut found);
+            let mut runs = long_enough(runs, &mut warnings, &mut found);
+            for (i, name) in channels.inputs.iter().enumerate() {
+                let rows_late = channels.columns.of(&format!("u.{name}")).rows_late;
+                runs.iter_mut()
+                    .for_each(|run| run.read_input_later(i, rows_late));
+            }
             still(&runs, channels, &mut warnings, &mut found);
             if found.list.is_empty() {
                 return Ok(Log {

@@ -136,12 +136,7 @@ mod tests {
             v: Vec::new(),
             u: Vec::new(),
         };
-        let mapping = Mapping {
-            signal: "t".into(),
-            column: "stamp".into(),
-            scale: 1.0,
-            offset: 0.0,
-        };
+        let mapping = Mapping::new("t", "stamp");
         let found = check(&[run], first, &mapping);
         found
             .map(|warning| warning.map(|w| w.message))

@@ -59,45 +59,61 @@ pub(super) fn read(
 }
 
 fn mapping(signal: &str, value: &Spanned<DeValue>, faults: &mut Faults) -> Option<Mapping> {
-    let (column, scale, offset) = match value.get_ref() {
-        DeValue::String(column) => (column.to_string(), 1.0, 0.0),
+    let mapping = match value.get_ref() {
+        DeValue::String(column) => Mapping::new(signal, column.as_ref()),
         DeValue::Table(table) => {
             let section = Section {
                 title: format!("the column of {}", quoted(signal)),
                 table,
                 offset: value.span().start,
             };
-            section.check_keys(&["column", "scale", "offset"], faults);
+            section.check_keys(&["column", "scale", "offset", "rows_late"], faults);
             let column = match section.get("column") {
                 Some(_) => section.string("column", faults)?.value.to_owned(),
                 None => signal.to_owned(),
             };
             let scale = section.number_that("scale", "different from 0", |x| x != 0.0, faults);
             let offset = section.number("offset", faults).map(|o| o.value);
-            (column, scale.unwrap_or(1.0), offset.unwrap_or(0.0))
+            Mapping {
+                scale: scale.unwrap_or(1.0),
+                offset: offset.unwrap_or(0.0),
+                rows_late: rows_late(signal, &section, faults),
+                ..Mapping::new(signal, column)
+            }
         }
         _ => {
             mismatch(
                 signal,
                 value,
-                "the name of a column, or { column = \"…\", scale = …, offset = … }",
+                "the name of a column, or { column = \"…\", scale = …, offset = …, rows_late = … }",
                 faults,
             );
             return None;
         }
     };
-    if signal == "run" && (scale != 1.0 || offset != 0.0) {
+    if signal == "run" && (mapping.scale, mapping.offset) != (1.0, 0.0) {
         faults.at(
             value.span().start,
             "`run` is an id: it takes no scale and no offset",
         );
     }
-    Some(Mapping {
-        signal: signal.to_owned(),
-        column,
-        scale,
-        offset,
-    })
+    Some(mapping)
+}
+
+/// By how many rows an input stands too far down.
+fn rows_late(signal: &str, section: &Section, faults: &mut Faults) -> usize {
+    const MOST: f64 = 100.0;
+    let key = "rows_late";
+    let is_whole = |n: f64| n.fract() == 0.0 && (0.0..=MOST).contains(&n);
+    let rows = section.number_that(key, "a whole number from 0 to 100", is_whole, faults);
+    let (rows, place) = (rows.unwrap_or(0.0), section.get(key));
+    if let Some(place) = place.filter(|_| rows != 0.0 && !signal.starts_with("u.")) {
+        faults.at(
+            place.span().start,
+            "`rows_late` is of inputs alone: of a joint whose readings are late, write the effect `sensor_delay`",
+        );
+    }
+    rows as usize
 }
 
 /// Writes where signals stand; those of the table that are not among the `mappings` stay.
@@ -110,16 +126,22 @@ fn write(document: &mut DocumentMut, mappings: &[Mapping]) {
     }
 }
 
-/// As it is written: the name of a column, with scale and offset where it has any.
+/// As it is written: the name of a column, with scale, offset and rows where it has any.
 pub(crate) fn value(mapping: &Mapping) -> Value {
-    if (mapping.scale, mapping.offset) == (1.0, 0.0) {
+    let own = Mapping::new(&mapping.signal, &mapping.column);
+    if *mapping == own {
         return Value::from(&mapping.column);
     }
     let mut parts = InlineTable::new();
     parts.insert("column", Value::from(&mapping.column));
-    parts.insert("scale", number(mapping.scale));
+    if mapping.scale != 1.0 || mapping.rows_late == 0 {
+        parts.insert("scale", number(mapping.scale));
+    }
     if mapping.offset != 0.0 {
         parts.insert("offset", number(mapping.offset));
+    }
+    if mapping.rows_late != 0 {
+        parts.insert("rows_late", Value::from(mapping.rows_late as i64));
     }
     Value::InlineTable(parts)
 }

@@ -51,6 +51,7 @@
 //! # [log.columns]                      # where a log has other names
 //! # "q.phi" = { column = "angle_deg", scale = 0.0174533, offset = 0.0 }
 //! # "u.motor" = "/motor/command.data"  # of an MCAP file: topic and field
+//! # "u.other" = { column = "u", rows_late = 1 } # a row holds what was put out until its state was measured
 //!
 //! # At the top, with a URDF: gravity = [0.0, 0.0, -9.81], base = "fixed" (or "floating": the first coordinate is the pose `base`),
 //! # pose = "quaternion" (or "angles": six coordinates `base.x`, … `base.roll` instead, with roll_axis = "x"),

@@ -52,12 +52,7 @@ fn read(name: &str) -> Result<Log, Error> {
 
 /// Pairs of a signal and its column.
 fn mapped(pairs: &[(&str, &str)]) -> ColumnMap {
-    let mapping = |(signal, column): &(&str, &str)| Mapping {
-        signal: (*signal).into(),
-        column: (*column).into(),
-        scale: 1.0,
-        offset: 0.0,
-    };
+    let mapping = |(signal, column): &(&str, &str)| Mapping::new(*signal, *column);
     ColumnMap {
         mappings: pairs.iter().map(mapping).collect(),
     }

@@ -55,10 +55,9 @@ fn fields_of_structures_are_columns_and_numbers_in_words_are_numbers_as_in_csv()
 #[test]
 fn columns_are_mapped_scaled_and_offset_as_in_csv() {
     let mapping = |signal: &str, column: &str| Mapping {
-        signal: signal.into(),
-        column: column.into(),
         scale: 0.1,
         offset: 3.0,
+        ..Mapping::new(signal, column)
     };
     let columns = ColumnMap {
         mappings: vec![

@@ -8,6 +8,7 @@
 //! in the median of the windows, compares it with the straight line through each: it has no unit, and needs to know nothing of the sensor. A model that lacks an
 //! effect leaves a few hundredths; one that is told the wrong sign a good part of the motion.
 
+mod late_rows;
 mod needed;
 mod reading;
 mod signs;
@@ -25,7 +26,7 @@ pub use self::unmoved::refuse_unmoved;
 use self::windows::{NONE, Windows};
 use super::verdict::DataFault;
 use crate::Error;
-use crate::log::{ColumnMap, Log};
+use crate::log::{ColumnMap, Log, Mapping};
 use crate::model::Model;
 use crate::model::log_columns::value;
 
@@ -138,15 +139,19 @@ impl Meant {
 
 /// The logs, read so.
 fn again(found: Option<Otherwise>, logs: &[Log]) -> Cow<'_, [Log]> {
-    let Some(found) = found else {
-        return Cow::Borrowed(logs);
-    };
+    match found {
+        Some(found) => Cow::Owned(read_all(&found.readings, logs)),
+        None => Cow::Borrowed(logs),
+    }
+}
+
+fn read_all(readings: &[Reading], logs: &[Log]) -> Vec<Log> {
     let mut logs = logs.to_vec();
     for log in &mut logs {
-        let runs = log.runs.iter().map(|run| read(&found.readings, run));
+        let runs = log.runs.iter().map(|run| read(readings, run));
         log.runs = runs.collect();
     }
-    Cow::Owned(logs)
+    logs
 }
 
 /// Which logs.
@@ -180,17 +185,10 @@ impl Otherwise {
             false => format!("; or else, as well: {}", others.join("; or ")),
         };
         let fault = |reading: &Reading| {
-            let written = mappings(reading, model, log);
-            let written = written.iter();
-            let written = written.map(|m| format!("`\"{}\" = {}`", m.signal, value(m)));
-            let written: Vec<String> = written.collect();
-            let written = written.join(" and ");
+            let written = written(&mappings(reading, model, log));
             // The new model reads the logs that it was fitted to.
             let (whose, so) = match which {
-                Which::Seen => (
-                    "",
-                    format!("it is read so here, by [log.columns] of the new model: {written}"),
-                ),
+                Which::Seen => ("", read_so(&written)),
                 Which::HeldOut => (
                     "in what is held out ",
                     format!(
@@ -221,6 +219,19 @@ impl Otherwise {
         };
         self.readings.iter().map(fault).collect()
     }
+}
+
+/// What a model file says of where signals stand.
+fn written(mappings: &[Mapping]) -> String {
+    let written = mappings.iter();
+    let written = written.map(|m| format!("`\"{}\" = {}`", m.signal, value(m)));
+    let written: Vec<String> = written.collect();
+    written.join(" and ")
+}
+
+/// That a log is read as its new model says.
+fn read_so(written: &str) -> String {
+    format!("it is read so here, by [log.columns] of the new model: {written}")
 }
 
 /// How the logs are to be read: otherwise where the model explains them far better so.

@@ -58,13 +58,14 @@ impl Signal {
     }
 }
 
-/// How a signal is read: scale · (that signal `from` of the log) + offset.
+/// How a signal is read: scale · (that signal `from` of the log) + offset, an input from so many rows further down.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
     pub signal: Signal,
     pub from: usize,
     pub scale: f64,
     pub offset: f64,
+    pub rows_late: usize,
 }
 
 /// One thing that may be otherwise in a log: one reading, the two of signals that are exchanged, or those of a joint that was put in the other way round.
@@ -77,6 +78,7 @@ impl Reading {
             from: signal.place(),
             scale,
             offset,
+            rows_late: 0,
         }
     }
 
@@ -103,6 +105,7 @@ impl Reading {
             column: old.column,
             scale: self.scale * old.scale,
             offset: self.scale * old.offset + self.offset,
+            rows_late: self.rows_late + old.rows_late,
         }
     }
 }
@@ -218,7 +221,10 @@ pub fn read(readings: &[Reading], run: &Run) -> Run {
                 };
                 read.v[c] = run.v[reading.from].as_deref().map(|v| rates.reads(v));
             }
-            Signal::Input(i) => read.u[i] = reading.reads(&run.u[reading.from]),
+            Signal::Input(i) => {
+                read.u[i] = reading.reads(&run.u[reading.from]);
+                read.read_input_later(i, reading.rows_late);
+            }
         }
     }
     read
@@ -288,6 +294,14 @@ pub fn words(reading: &Reading, model: &Model) -> String {
         Signal::Input(_) => {
             let part = PARTS.iter().find(|(scale, _)| *scale == size);
             said.extend(part.map(|(_, parts)| format!("is in {parts} of what the model takes")));
+            match reading.rows_late {
+                0 => {}
+                1 => said.push(
+                    "is written one row late, what was put out from a row on in the next"
+                        .to_owned(),
+                ),
+                rows => said.push(format!("is written {rows} rows late")),
+            }
         }
     }
     if reading.scale < 0.0 {

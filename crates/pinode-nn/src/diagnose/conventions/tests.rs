@@ -458,19 +458,13 @@ fn a_coordinate_that_never_moves_is_refused_where_something_would_have_to_hold_i
 fn a_reading_comes_after_what_the_model_says_of_the_columns() {
     let model = model();
     let given = crate::log::Mapping {
-        signal: "q.phi".into(),
-        column: "angle".into(),
         scale: 2.0,
         offset: 0.5,
+        ..crate::log::Mapping::new("q.phi", "angle")
     };
     let known = model.with_columns(&[given]).unwrap();
     let log = log(&model, &recording(0.0), |row| row);
-    let turned = Reading {
-        signal: Signal::Coordinate(1),
-        from: 1,
-        scale: -1.0,
-        offset: 1.0,
-    };
+    let turned = Reading::of(Signal::Coordinate(1), -1.0, 1.0);
     let mappings = mappings(&turned, &known, (&log, &known.columns));
     assert_eq!(mappings.len(), 1);
     assert_eq!((mappings[0].scale, mappings[0].offset), (-2.0, 0.5));

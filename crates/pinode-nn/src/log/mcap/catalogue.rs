@@ -162,12 +162,8 @@ impl Catalogue {
                     None
                 }
             };
-            map.mappings.extend(column.map(|column| Mapping {
-                signal,
-                column,
-                scale: 1.0,
-                offset: 0.0,
-            }));
+            map.mappings
+                .extend(column.map(|column| Mapping::new(signal, column)));
         }
         if problems.is_empty() {
             Ok(map)

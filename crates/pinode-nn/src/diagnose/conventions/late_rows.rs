@@ -1,0 +1,59 @@
+//! Inputs that stand further down in a log than the model takes them to.
+
+use std::borrow::Cow;
+
+use super::reading::{Reading, Signal, mappings, name, words};
+use super::{AsMeant, CONVENTION, DataFault, read_all, read_so, written};
+use crate::Error;
+
+impl AsMeant<'_> {
+    /// The same with every input read from so many rows further down.
+    ///
+    /// # Errors
+    /// Those of [`Model::with_columns`](crate::model::Model::with_columns).
+    pub fn with_inputs_later(&self, rows: usize) -> Result<AsMeant<'static>, Error> {
+        let readings = self.late(rows);
+        let columns = self.logs.first().map(|log| {
+            let own = log.columns(&self.model);
+            let of = |reading| mappings(reading, &self.model, (log, &own));
+            readings.iter().flat_map(of).collect()
+        });
+        let columns: Vec<_> = columns.unwrap_or_default();
+        let read = |logs| Cow::Owned(read_all(&readings, logs));
+        Ok(AsMeant {
+            logs: read(&self.logs),
+            held_out: read(&self.held_out),
+            model: Cow::Owned(self.model.with_columns(&columns)?),
+            faults: self.faults.clone(),
+        })
+    }
+
+    /// That the inputs, which are read so here, stood so many rows further down: `excess` is how many noises of the sensors a model leaves as they stood, and
+    /// so.
+    pub fn inputs_stood_late(&self, rows: usize, excess: [f64; 2]) -> Vec<DataFault> {
+        let [before, after] = excess;
+        let columns = &self.model.columns;
+        let fault = |reading: &Reading| {
+            let column = name(reading, &self.model);
+            let so = read_so(&written(&[columns.of(&column)]));
+            DataFault {
+                kind: CONVENTION.into(),
+                when: Vec::new(),
+                detail: format!(
+                    "{}: read as it is meant, the same model leaves {after:.1} times the noise at most, and {before:.1} times as it is; {so}",
+                    words(reading, &self.model),
+                ),
+                column,
+            }
+        };
+        self.late(rows).iter().map(fault).collect()
+    }
+
+    fn late(&self, rows_late: usize) -> Vec<Reading> {
+        let late = |i| Reading {
+            rows_late,
+            ..Reading::of(Signal::Input(i), 1.0, 0.0)
+        };
+        (0..self.model.inputs.len()).map(late).collect()
+    }
+}

@@ -1,0 +1,163 @@
+//! Inputs that are written some rows late: a log in which a row holds what was put out until its state was measured, or whose inputs have a clock that is
+//! behind.
+//!
+//! Such an input acts *before* it is logged, which no effect does: what is left of it is unexplained. The model as given is fitted once more with every
+//! input from rows further down and as late as it likes, and where this explains most of what it leaves, the log is searched so; else it is asked again
+//! beside what was found, where that leaves something. It is told only where so nothing is left. What is late by a part of a row then has an `input_delay`.
+
+use super::Means;
+use super::audit::audit;
+use super::candidate::Candidate;
+use super::clock::LATE;
+use super::comparison::Comparison;
+use super::conventions::AsMeant;
+use super::found::position;
+use super::misfit::{explained, is_unexplained};
+use super::refine::SHARE;
+use super::searched::{Ready, Searched};
+use super::setup::thinned;
+use super::study::{Fitted, Study};
+use crate::Error;
+use crate::effect::{Between, registry};
+
+/// Inputs are looked for in rows that were written so much later at most, s at the usual pace.
+const LATEST_S: f64 = 0.1;
+/// An input that is late by less than this part of a row is not.
+const NO_DELAY: f64 = 0.03;
+/// Iterations of the initial states alone, and of all.
+const ITERATIONS: (usize, usize) = (3, 8);
+/// One row has to explain the windows better by so many standard errors.
+const LEAST_Z: f64 = 3.0;
+/// It is searched first with inputs from further down that explain this share of the misfit, on a logarithmic scale: beside one missing effect of eight
+/// they explain 0.3 to 1, but for stops; those that are in their rows 0.
+const MOST: f64 = 0.25;
+
+/// What is found in logs: with every input from rows further down where that leaves nothing, and they as they are something.
+///
+/// # Errors
+/// Those of [`Ready::new`].
+pub fn searched<'a>(
+    meant: AsMeant<'a>,
+    seed: u64,
+    report: &dyn Fn(&str),
+    means: &Means,
+) -> Result<Searched<'a>, Error> {
+    let ready = Ready::new(meant, report, means)?;
+    let again = |late: Option<Late>, ready: &Ready<'a>| {
+        late.and_then(|late| late.searched(ready, seed, report, means))
+    };
+    let (study, null) = (&ready.cleaned.prepared.study, &ready.cleaned.prepared.null);
+    let (few, given) = study.some_windows(null, SHARE);
+    let is_likely = |late: &Late| explained(&few, &given, &late.model) > MOST;
+    let late = is_unexplained(&few, &given).then(|| Late::beside(&ready, &few, &given));
+    if let Some(found) = again(late.flatten().filter(is_likely), &ready) {
+        return Ok(found);
+    }
+    let found = ready.searched(seed, report);
+    if !found.leaves_something() {
+        return Ok(found);
+    }
+    report("asking whether the inputs are written some rows late");
+    let late = Late::beside(&found.ready, &found.search.study, &found.search.model);
+    Ok(again(late, &found.ready).unwrap_or(found))
+}
+
+/// Inputs that are written so many rows late.
+struct Late {
+    rows: usize,
+    /// What is fitted with them from there.
+    model: Fitted,
+    /// How many noises it leaves with the inputs as they are, and from there.
+    excess: [f64; 2],
+}
+
+impl Late {
+    /// By how many rows all inputs are written late that a `model` explains most with, each delayed by what it likes beside what the model has: these are
+    /// doubled as long as an input would be read earlier still, and are no more in the end than the delays leave. Nothing where they are in their rows or
+    /// the windows are not explained better.
+    fn beside(ready: &Ready, study: &Study, model: &Fitted) -> Option<Late> {
+        let inputs = &ready.meant.model.inputs;
+        let are_held = inputs.iter().all(|input| input.between == Between::Held);
+        let kind = registry::find(LATE[0]).filter(|_| are_held)?;
+        let targets = 0..inputs.len();
+        let delays: Vec<Candidate> = targets.map(|target| Candidate { kind, target }).collect();
+        let row = ready.interval;
+        let latest = (LATEST_S * study.pace.times() / row).max(1.0);
+        let read = |rows: usize, delay: f64| -> Option<Fitted> {
+            let study = with_inputs_from(ready, study, rows).filter(|_| rows as f64 <= latest)?;
+            let (mut hybrid, mut theta) = (model.hybrid.clone(), model.inside.theta.clone());
+            for new in delays.iter().filter(|d| position(model, d).is_none()) {
+                (hybrid, theta) = new.place(&hybrid, &theta, &[delay]);
+            }
+            Some(study.fit(hybrid, model.start(theta), ITERATIONS.0, ITERATIONS.1))
+        };
+        // The least of the delays, in rows.
+        let delayed = |fitted: &Fitted| -> f64 {
+            let places = delays.iter().filter_map(|d| position(fitted, d));
+            let values = places.map(|index| fitted.inside.theta[fitted.hybrid.range(index).start]);
+            values.fold(f64::INFINITY, f64::min) / row
+        };
+        let (mut rows, mut best) = (1, read(1, 0.5 * row)?);
+        let gain = Comparison::of(&best, model);
+        if !(gain.total() > 0.0 && gain.inside.z > LEAST_Z) {
+            return None;
+        }
+        while delayed(&best) < NO_DELAY {
+            match read(2 * rows, 0.5 * row * rows as f64) {
+                Some(further) if Comparison::of(&further, &best).explains() => {
+                    (rows, best) = (2 * rows, further);
+                }
+                _ => break,
+            }
+        }
+        let too_far = (delayed(&best) + NO_DELAY).floor();
+        let rows = rows
+            .checked_sub(too_far as usize)
+            .filter(|&rows| rows > 0)?;
+        Some(Late {
+            rows,
+            excess: [model, &best].map(|model| model.most_excess(study)),
+            model: best,
+        })
+    }
+
+    /// What is found with the inputs from there, where that leaves nothing.
+    fn searched<'a>(
+        &self,
+        ready: &Ready<'a>,
+        seed: u64,
+        report: &dyn Fn(&str),
+        means: &Means,
+    ) -> Option<Searched<'a>> {
+        let rows = self.rows;
+        report(&format!(
+            "searching with every input from {rows} rows further down"
+        ));
+        let mut meant = ready.meant.with_inputs_later(rows).ok()?;
+        let told = meant.inputs_stood_late(rows, self.excess);
+        meant.faults.extend(told);
+        let ready = Ready::new(meant, report, means).ok()?;
+        let found = ready.searched(seed, report);
+        (!found.leaves_something()).then_some(found)
+    }
+}
+
+/// A study with every input from so many rows further down in the logs.
+fn with_inputs_from(ready: &Ready, study: &Study, rows: usize) -> Option<Study> {
+    let AsMeant {
+        model,
+        logs,
+        held_out,
+        ..
+    } = ready.meant.with_inputs_later(rows).ok()?;
+    let later = audit(&model, &logs, &held_out).observations;
+    let later = thinned(&model, later, &study.pace);
+    let mut study = study.clone();
+    for (run, later) in study.observations.runs.iter_mut().zip(later.runs) {
+        if run.t.len() != later.t.len() {
+            return None;
+        }
+        run.u = later.u;
+    }
+    Some(study)
+}
