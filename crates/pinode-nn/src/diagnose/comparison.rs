@@ -37,6 +37,10 @@ const LEAST_GAIN: (f64, f64) = (0.05, 0.025);
 /// What takes away all that follows from anything may explain less by this factor.
 const LITTLE: f64 = 0.6;
 
+/// What strikes now and then decides so many of the seen windows and of those held out, all but this share of them for itself.
+const NOW_AND_THEN: [usize; 2] = [8, 3];
+const AGAINST: f64 = 0.1;
+
 /// What is slight explains the seen windows by so many standard errors and so many nats a sample.
 pub const SLIGHT: (f64, f64) = (1.5, 0.01);
 /// … and those held out by this share of that at least.
@@ -92,6 +96,18 @@ impl Comparison {
     pub fn explains_a_little(&self) -> bool {
         let z = (self.inside.z, self.outside.z);
         lacks(z, (self.inside_gain / LITTLE, self.outside_gain / LITTLE)).is_none()
+    }
+
+    /// Whether the gain is large enough on both sides, and all that decide are for it: what strikes in a few windows, in some of them hard, has a mean as
+    /// large as its scatter however sure it is.
+    pub fn explains_now_and_then(&self) -> bool {
+        let sides = [self.inside, self.outside].into_iter();
+        let are_for_it = |(side, least): (Paired, usize)| {
+            let [own, against] = side.decided;
+            own >= least && against as f64 <= AGAINST * own as f64
+        };
+        let is_large = self.inside_gain > LEAST_GAIN.0 && self.outside_gain > LEAST_GAIN.1;
+        is_large && sides.zip(NOW_AND_THEN).all(are_for_it)
     }
 
     /// Whether both sides gain, the seen windows by enough for what is [`slight`](super::slight), and those held out by more than next to
@@ -152,6 +168,7 @@ mod tests {
             z,
             gain,
             windows: 25,
+            decided: [0; 2],
         };
         let slight = |gain: f64, held_out: f64| Comparison {
             inside: paired(2.1, 40.0),
@@ -165,6 +182,33 @@ mod tests {
         assert!(!slight(1.43, 0.001).explains_slightly(), "they hardly move");
         assert!(!slight(0.02, f64::NAN).explains_slightly());
         assert!(slight(0.02, 0.003).leads_slightly());
+    }
+
+    #[test]
+    fn what_strikes_now_and_then_decides_the_windows_that_it_strikes() {
+        let with = |inside: [usize; 2], outside: [usize; 2], held_out: f64| {
+            let side = |decided| Paired {
+                z: 1.5,
+                gain: 900.0,
+                windows: 40,
+                decided,
+            };
+            Comparison {
+                inside: side(inside),
+                outside: side(outside),
+                inside_gain: 1.9,
+                outside_gain: held_out,
+                relief: 0.0,
+            }
+        };
+        assert!(with([12, 0], [4, 0], 0.9).explains_now_and_then());
+        assert!(with([12, 1], [3, 0], 0.9).explains_now_and_then());
+        assert!(!with([12, 2], [4, 0], 0.9).explains_now_and_then());
+        assert!(!with([12, 0], [4, 1], 0.9).explains_now_and_then());
+        assert!(!with([7, 0], [4, 0], 0.9).explains_now_and_then());
+        assert!(!with([12, 0], [2, 0], 0.9).explains_now_and_then());
+        assert!(!with([12, 0], [4, 0], 0.0).explains_now_and_then());
+        assert!(!with([12, 0], [4, 0], f64::NAN).explains_now_and_then());
     }
 
     #[test]

@@ -228,14 +228,15 @@ pub(crate) fn diagnose_into(
     let study = &study;
     provenance.substeps = study.steps.substeps * study.finer;
     let at_fault = data_faults.iter().any(audit::contradicts);
-    let contradicted = search.found.is_empty() && !at_fault && misfit::is_contradicted(&proved.gap);
+    let is_found = !search.found.is_empty();
+    let contradicted = (is_found || !at_fault) && misfit::is_contradicted(&proved.gap, is_found);
     let something_is_left =
         search.left.is_some() || misfit::is_unexplained(study, &search.model) || contradicted;
     let believed = search
         .found
         .iter()
         .any(|f| f.confidence >= verdict::DOUBTFUL);
-    let is_named = !search.found.is_empty() && (believed || !something_is_left);
+    let is_named = is_found && !contradicted && (believed || !something_is_left);
     let verdict = if is_named && search.explains_most() {
         Verdict::EffectsFound
     } else if something_is_left {

@@ -35,6 +35,9 @@ pub fn samples_per_window(fit: &Fit) -> f64 {
     (samples as f64 / channels as f64 / fit.squares.len().max(1) as f64).max(1.0)
 }
 
+/// So many nats decide a window: it has one chance in a hundred to be for the wrong model.
+const DECISIVE: f64 = 5.0;
+
 /// A paired comparison of two models over the same windows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Paired {
@@ -44,6 +47,8 @@ pub struct Paired {
     pub gain: f64,
     /// Number of windows compared.
     pub windows: usize,
+    /// Number of those that decide for the new model, and against it.
+    pub decided: [usize; 2],
 }
 
 /// d_w = l_w(new) − l_w(old), z = mean(d) / (sd(d)/√n). A window in which the new model diverges counts as a loss as large as the
@@ -68,6 +73,7 @@ pub fn paired(new: &[f64], old: &[f64]) -> Paired {
             z: 0.0,
             gain: 0.0,
             windows: differences.len(),
+            decided: [0; 2],
         };
     }
     let gain: f64 = differences.iter().sum();
@@ -79,6 +85,10 @@ pub fn paired(new: &[f64], old: &[f64]) -> Paired {
         z: if error > 0.0 { mean / error } else { 0.0 },
         gain,
         windows: differences.len(),
+        decided: [1.0, -1.0].map(|sign| {
+            let decides = |d: &&f64| sign * **d > DECISIVE;
+            differences.iter().filter(decides).count()
+        }),
     }
 }
 
@@ -94,6 +104,9 @@ mod tests {
         let mut lucky = vec![0.0; 40];
         lucky[7] = 500.0;
         assert!(paired(&lucky, &old).z < 2.0);
+        assert_eq!(paired(&lucky, &old).decided, [1, 0]);
+        assert_eq!(paired(&old, &lucky).decided, [0, 1]);
+        assert_eq!(paired(&steady, &old).decided, [0, 0]);
     }
 
     #[test]

@@ -135,7 +135,8 @@ fn one_step(
         looking.ask_the_dear(&screen, &dear, &mut step);
         screen.ranked.extend(dear);
     }
-    if step.accepted.is_none() && left.is_some() {
+    // What two laws on two coordinates do together may follow from a force on neither of them.
+    if step.accepted.is_none() && (left.is_some() || looking.is_loud(&step)) {
         looking.ask_pairs(&screen, &mut step);
     }
     step.screened = screen.ranked;
