@@ -1,5 +1,7 @@
 //! What to do or to record next.
 
+use lagrange::{Parameter, Role};
+
 use super::at_rest::Unborne;
 use super::audit::median;
 use super::candidate::Candidate;
@@ -19,7 +21,8 @@ use super::verdict::{
 use crate::digits::{number, uncertain};
 use crate::effect::Between;
 use crate::hybrid::{Hybrid, Placed};
-use crate::model::Input;
+use crate::model::{Input, Model};
+use crate::naming::quoted;
 
 /// Changes of an input from sample to sample that differ by less than this part of themselves are those of a smooth one.
 const SMOOTH: f64 = 0.3;
@@ -231,6 +234,35 @@ pub fn smooth_inputs(study: &Study, inputs: &[Input]) -> Vec<String> {
         )
     });
     advice.collect()
+}
+
+/// What to ask about the constants of energies that are written down, where none of them has a tolerance and something is left or in doubt.
+pub fn exact_constants(model: &Model) -> Option<String> {
+    const LISTED: usize = 4;
+    let named = |p: &&Parameter| p.role == Role::Constant;
+    let parameters = model.mechanics.parameters();
+    let names: Vec<&str> = parameters
+        .iter()
+        .filter(named)
+        .map(|p| p.name.as_str())
+        .collect();
+    let has_tolerance = model.tolerance.parameters.iter().any(|(_, t)| *t > 0.0);
+    let first = names.first().filter(|_| !has_tolerance)?;
+    let more = match names.len() > LISTED {
+        true => ", …",
+        false => "",
+    };
+    Some(format!(
+        "the constants {}{more} of `[lagrangian.parameters]` are taken to be exact, and what one of them is off by is named as something else: where one is known to \
+         two percent, write `parameters = {{ {} = 0.02 }}` under `[tolerance]` and diagnose again.",
+        names
+            .iter()
+            .take(LISTED)
+            .map(|n| quoted(n))
+            .collect::<Vec<_>>()
+            .join(", "),
+        first
+    ))
 }
 
 /// What to ask about inputs that have one value in all samples, where something is left.
@@ -447,6 +479,21 @@ mod tests {
         let logs = ["`a.csv`", "`b.csv`"].map(str::to_owned);
         assert!(changing(&change, &logs).contains("until t = 30.0 s of `b.csv`"));
         assert!(changing(&change, &logs[..1]).contains("until t = 30.0 s and"));
+    }
+
+    #[test]
+    fn constants_of_energies_are_exact_until_one_has_a_tolerance() {
+        let asked = |more: &str| {
+            let text = format!(
+                "lagrangian = {{ coordinates = [\"x\"], kinetic = \"0.5*m*x_dot^2\", potential = \"0.5*k*x^2\", parameters = {{ m = 2.0, k = 5.0 }} }}\n{more}"
+            );
+            let model = Model::parse("m.toml".as_ref(), text);
+            model.ok().and_then(|model| exact_constants(&model))
+        };
+        let said = asked("").unwrap_or_default();
+        assert!(said.starts_with("the constants `m`, `k` of"), "{said}");
+        assert!(said.contains("`parameters = { m = 0.02 }`"), "{said}");
+        assert_eq!(asked("[tolerance]\nparameters = { k = 0.1 }\n"), None);
     }
 
     #[test]

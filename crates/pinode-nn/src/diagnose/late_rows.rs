@@ -18,7 +18,7 @@ use super::searched::{Ready, Searched};
 use super::setup::thinned;
 use super::study::{Fitted, Study};
 use crate::Error;
-use crate::effect::{Between, registry};
+use crate::effect::{Between, Kind, registry};
 
 /// Inputs are looked for in rows that were written so much later at most, s at the usual pace.
 const LATEST_S: f64 = 0.1;
@@ -79,8 +79,7 @@ impl Late {
         let inputs = &ready.meant.model.inputs;
         let are_held = inputs.iter().all(|input| input.between == Between::Held);
         let kind = registry::find(LATE[0]).filter(|_| are_held)?;
-        let targets = 0..inputs.len();
-        let delays: Vec<Candidate> = targets.map(|target| Candidate { kind, target }).collect();
+        let delays = on_all(kind, inputs.len());
         let row = ready.interval;
         let latest = (LATEST_S * study.pace.times() / row).max(1.0);
         let read = |rows: usize, delay: f64| -> Option<Fitted> {
@@ -91,12 +90,7 @@ impl Late {
             }
             Some(study.fit(hybrid, model.start(theta), ITERATIONS.0, ITERATIONS.1))
         };
-        // The least of the delays, in rows.
-        let delayed = |fitted: &Fitted| -> f64 {
-            let places = delays.iter().filter_map(|d| position(fitted, d));
-            let values = places.map(|index| fitted.inside.theta[fitted.hybrid.range(index).start]);
-            values.fold(f64::INFINITY, f64::min) / row
-        };
+        let delayed = |fitted: &Fitted| least(&delays, fitted) / row;
         let (mut rows, mut best) = (1, read(1, 0.5 * row)?);
         let gain = Comparison::of(&best, model);
         if !(gain.total() > 0.0 && gain.inside.z > LEAST_Z) {
@@ -138,8 +132,29 @@ impl Late {
         meant.faults.extend(told);
         let ready = Ready::new(meant, report, means).ok()?;
         let found = ready.searched(seed, report);
-        (!found.leaves_something()).then_some(found)
+        // Inputs that are a row late again where they are read from were not late.
+        let delays = on_all(
+            registry::find(LATE[0])?,
+            found.ready.meant.model.inputs.len(),
+        );
+        let is_in_place =
+            least(&delays, &found.search.model) > (1.0 - NO_DELAY) * found.ready.interval;
+        (!found.leaves_something() && !is_in_place).then_some(found)
     }
+}
+
+/// A kind on every input.
+fn on_all(kind: &'static Kind, inputs: usize) -> Vec<Candidate> {
+    (0..inputs)
+        .map(|target| Candidate { kind, target })
+        .collect()
+}
+
+/// The least of the delays in a model, s; 0 where it has not all of them.
+fn least(delays: &[Candidate], fitted: &Fitted) -> f64 {
+    let place = |d: &Candidate| Some(fitted.hybrid.range(position(fitted, d)?).start);
+    let value = |d: &Candidate| place(d).map_or(0.0, |i| fitted.inside.theta[i]);
+    delays.iter().map(value).fold(f64::INFINITY, f64::min)
 }
 
 /// A study with every input from so many rows further down in the logs.

@@ -103,6 +103,9 @@ pub const HORIZON_S: f64 = 0.6;
 /// Length of the stretch before a free run that its initial state is fitted to, s at the usual pace.
 pub const LEAD_S: f64 = 0.3;
 
+/// A name with less confidence is in doubt.
+const SURE: f64 = 0.9;
+
 /// What this is called in errors.
 pub(crate) const WORK: &str = "a diagnosis";
 
@@ -291,6 +294,10 @@ pub(crate) fn diagnose_into(
     } else if something_is_left && let Some(other) = elsewhere(study, &search) {
         let name = write_up::name(&other.candidate, &search.model.hybrid, &names);
         advice.insert(0, advise::elsewhere(&other, &name, &search.model.hybrid));
+    }
+    let is_sure = |found: &found::Found| found.confidence > SURE;
+    if something_is_left || !search.found.iter().all(is_sure) {
+        advice.extend(advise::exact_constants(model));
     }
     if contradicted {
         advice.push(advise::contradicted(&gap));
