@@ -51,7 +51,7 @@ fn log() -> Log {
         let wanted: f64 = 0.08 * (0..7).map(wave).sum::<f64>();
         let dither = 0.54 * (TAU * 0.85 * t + 2.0 * (0.3 * t).sin()).sin();
         let push = 25.0 * (wanted - read[0]) - 6.0 * state[2] + dither;
-        let rates = |[x, phi, v, w]: [f64; 4]| {
+        let rates = |[_, phi, v, w]: [f64; 4]| {
             let mass = CART + POLE;
             let forces = [
                 push - VISCOUS[0] * v - mass * GRAVITY * TILT.sin()
