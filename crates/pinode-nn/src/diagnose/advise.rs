@@ -24,6 +24,8 @@ use crate::hybrid::{Hybrid, Placed};
 use crate::model::{Input, Model};
 use crate::naming::quoted;
 
+/// A name with less confidence is in doubt.
+pub const IN_DOUBT: f64 = 0.9;
 /// Changes of an input from sample to sample that differ by less than this part of themselves are those of a smooth one.
 const SMOOTH: f64 = 0.3;
 /// Delays below this are not told from a lag, s at the usual pace.
@@ -55,7 +57,7 @@ pub fn advise(
         let other = found.instead.filter(|other| other.confidence > CLOSE);
         let told = effect.confidence + other.map_or(0.0, |other| other.confidence);
         advice.extend(other.map(|other| constant_instead(&own, &other, &search.model.hybrid)));
-        if told < 0.9 && rivals().next().is_none() && search.left.is_none() {
+        if told < IN_DOUBT && rivals().next().is_none() && search.left.is_none() {
             advice.push(format!(
                 "{own} is the best of several names (confidence {:.2}): record a longer log with a wider range of speeds and inputs.",
                 effect.confidence

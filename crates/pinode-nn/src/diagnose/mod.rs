@@ -7,6 +7,8 @@
 //! 4. Search: every candidate is screened from one linearisation; the best are refined by a fit; one is accepted
 //!    when it explains the windows better, pair by pair, both on those the fit saw and on those held out. Where none is, the same again beside
 //!    pushes that nobody measured; then what explains little is asked whether it is sure.
+//!    Inputs that are written some rows late are asked for before, where they explain much of what the null model leaves, and where the search leaves
+//!    something.
 //! 5. Dry friction is fitted as sharp as the data see it: the known one with the null model, what is found at once and in the end; then names with fewer constants are asked for once more.
 //! 6. The new model is written, read back, and run free over held-out data. What does not shrink the gap there is not added.
 //! 7. What is left and no effect explains is taught to a small network on that coordinate, which is described and added where it explains windows that it
@@ -102,9 +104,6 @@ pub use setup::FEWEST_WINDOWS;
 pub const HORIZON_S: f64 = 0.6;
 /// Length of the stretch before a free run that its initial state is fitted to, s at the usual pace.
 pub const LEAD_S: f64 = 0.3;
-
-/// A name with less confidence is in doubt.
-const SURE: f64 = 0.9;
 
 /// What this is called in errors.
 pub(crate) const WORK: &str = "a diagnosis";
@@ -295,8 +294,8 @@ pub(crate) fn diagnose_into(
         let name = write_up::name(&other.candidate, &search.model.hybrid, &names);
         advice.insert(0, advise::elsewhere(&other, &name, &search.model.hybrid));
     }
-    let is_sure = |found: &found::Found| found.confidence > SURE;
-    if something_is_left || !search.found.iter().all(is_sure) {
+    let is_in_doubt = |found: &found::Found| found.confidence < advise::IN_DOUBT;
+    if something_is_left || search.found.iter().any(is_in_doubt) {
         advice.extend(advise::exact_constants(model));
     }
     if contradicted {

@@ -102,10 +102,10 @@ fn mapping(signal: &str, value: &Spanned<DeValue>, faults: &mut Faults) -> Optio
 
 /// By how many rows an input stands too far down.
 fn rows_late(signal: &str, section: &Section, faults: &mut Faults) -> usize {
-    const MOST: f64 = 100.0;
+    const MOST: f64 = 1e6;
     let key = "rows_late";
     let is_whole = |n: f64| n.fract() == 0.0 && (0.0..=MOST).contains(&n);
-    let rows = section.number_that(key, "a whole number from 0 to 100", is_whole, faults);
+    let rows = section.number_that(key, "a whole number from 0 to a million", is_whole, faults);
     let (rows, place) = (rows.unwrap_or(0.0), section.get(key));
     if let Some(place) = place.filter(|_| rows != 0.0 && !signal.starts_with("u.")) {
         faults.at(

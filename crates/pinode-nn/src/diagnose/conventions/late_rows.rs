@@ -5,9 +5,16 @@ use std::borrow::Cow;
 use super::reading::{Reading, Signal, mappings, name, words};
 use super::{AsMeant, CONVENTION, DataFault, read_all, read_so, written};
 use crate::Error;
+use crate::log::Log;
 
 impl AsMeant<'_> {
-    /// The same with every input read from so many rows further down.
+    /// The logs, and those held out, with every input read from so many rows further down.
+    pub fn logs_with_inputs_later(&self, rows: usize) -> [Vec<Log>; 2] {
+        let readings = self.late(rows);
+        [&self.logs, &self.held_out].map(|logs| read_all(&readings, logs))
+    }
+
+    /// The same, its model too, with every input read from so many rows further down.
     ///
     /// # Errors
     /// Those of [`Model::with_columns`](crate::model::Model::with_columns).
@@ -19,10 +26,10 @@ impl AsMeant<'_> {
             readings.iter().flat_map(of).collect()
         });
         let columns: Vec<_> = columns.unwrap_or_default();
-        let read = |logs| Cow::Owned(read_all(&readings, logs));
+        let [logs, held_out] = self.logs_with_inputs_later(rows).map(Cow::Owned);
         Ok(AsMeant {
-            logs: read(&self.logs),
-            held_out: read(&self.held_out),
+            logs,
+            held_out,
             model: Cow::Owned(self.model.with_columns(&columns)?),
             faults: self.faults.clone(),
         })
