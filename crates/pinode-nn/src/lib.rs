@@ -56,6 +56,7 @@ mod entries;
 mod error;
 mod naming;
 mod past;
+mod processor;
 
 pub use disk::write_atomically;
 pub use error::{Error, Unmoved};

@@ -100,10 +100,10 @@ pub fn advise(
             "what is left on `{joint}` follows {}: {therefore}.",
             left.words(search.model.hybrid.mechanics().coordinates())
         ));
-    } else if verdict != Verdict::NothingMissing && is_unexplained(study, &search.model) {
+    } else if verdict != Verdict::NothingMissing && is_unexplained(study, search.whole()) {
         let coordinates = search.model.hybrid.mechanics().coordinates();
-        let excess = search.model.excess(&study.observations);
-        let strays = strays(study, &search.model);
+        let excess = search.whole().excess(&study.observations);
+        let strays = strays(study, search.whole());
         let channels = study.observations.channels.iter().enumerate();
         let sizes = channels.filter(|(_, channel)| !channel.velocity);
         let sizes = sizes.map(|(c, channel)| {

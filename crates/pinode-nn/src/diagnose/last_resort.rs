@@ -2,8 +2,10 @@
 //!
 //! M(q) v̇ + C(q, v) v + G(q) = Q + s Σ_k a_k tanh(w_kᵀ z + b_k) + s b: the network sees only the signals z that the missing law was seen to follow
 //! (where there is no hint of any, the joint's position and velocity and what drives it). Its parameters are entries of θ like those of every effect: they are
-//! fitted with all others over the same windows, each with a prior, and the network is added where it explains the windows better, pair by pair, both
-//! those that the fit saw and those held out, and shrinks the gap of free runs: pushes from outside can be learnt, but say nothing of later ones.
+//! fitted over the same windows, each with a prior, while all other constants stay what they were without it: a network that sees what a found effect
+//! follows would take over its work, and the effect would be told with what is left of it. It is added where it explains the windows better, pair by
+//! pair, both those that the fit saw and those held out, and shrinks the gap of free runs: pushes from outside can be learnt, but say nothing of later
+//! ones.
 
 use std::sync::Arc;
 
@@ -67,7 +69,7 @@ pub struct Resort<'a> {
 
 /// A network that explains what is left.
 pub struct Taught {
-    /// The model with it, fitted.
+    /// The model with it; all other constants are those without.
     pub fitted: Fitted,
     /// The force.
     pub force: LearntForce,
@@ -133,7 +135,7 @@ impl<'a> Resort<'a> {
         Some((words, resort))
     }
 
-    /// Teaches a network beside what was found.
+    /// Teaches a network beside what was found, which keeps its constants.
     ///
     /// # Errors
     /// In words, where there is none that explains windows it has not seen.
@@ -153,6 +155,7 @@ impl<'a> Resort<'a> {
             .beginning(&quantities, &states)
             .ok_or("No network was taught it: nothing moves that it could follow.")?;
         let mut hybrid = given.hybrid.clone();
+        hybrid.make_exact(&given.inside.theta);
         let theta = [&given.inside.theta, force.network().parameters()].concat();
         hybrid.add_open_network(Arc::new(force), TOLERANCE);
         let [alone, all] = ITERATIONS;
@@ -317,7 +320,7 @@ impl Taught {
             weights: vec![weights.to_owned()],
             joints: self.card.joints.iter().map(|j| j.name.clone()).collect(),
             comment: format!(
-                "what no effect explains, learnt by pinode {}; the other constants are as fitted beside it; seed {seed}",
+                "what no effect explains, learnt by pinode {}; the other constants are as fitted without it; seed {seed}",
                 env!("CARGO_PKG_VERSION"),
             ),
         }

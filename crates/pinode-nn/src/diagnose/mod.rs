@@ -231,7 +231,13 @@ pub(crate) fn diagnose_into(
     provenance.substeps = study.steps.substeps * study.finer;
     let at_fault = data_faults.iter().any(audit::contradicts);
     let is_found = !search.found.is_empty();
-    let contradicted = (is_found || !at_fault) && misfit::is_contradicted(&proved.gap, is_found);
+    let contradicted = match is_found {
+        true => {
+            let windows_leave = misfit::leaves(study, &search.null, &search.model);
+            misfit::is_not_all(&proved.gap, windows_leave)
+        }
+        false => !at_fault && misfit::is_contradicted(&proved.gap),
+    };
     let something_is_left =
         search.left.is_some() || misfit::is_unexplained(study, &search.model) || contradicted;
     let believed = search

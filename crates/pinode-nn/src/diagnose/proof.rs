@@ -172,7 +172,7 @@ impl Proof<'_> {
         let name = files.put_beside(WEIGHTS.as_ref(), &bytes)?;
         files.commit()?;
         let network = Some(taught.entry(&name, resort.seed));
-        search.model = taught.fitted;
+        search.taught = Some(taught.fitted);
         *proved = self.write((study, search), provenance, network)?;
         let learnt = Learnt {
             weights: name,

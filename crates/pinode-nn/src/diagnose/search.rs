@@ -45,6 +45,8 @@ pub struct Search {
     pub found: Vec<Found>,
     /// The model with it.
     pub model: Fitted,
+    /// The same with a network that has learnt what is left; its other constants are those of the model.
+    pub taught: Option<Fitted>,
     /// The study that it was fitted in: with shorter steps where its friction needs them.
     pub study: Study,
     /// The same names with friction that is less sharp, where the search made it sharper, and the study of that.
@@ -93,6 +95,11 @@ impl Search {
         let before = std::mem::replace(&mut self.model, model);
         self.normalise();
         before
+    }
+
+    /// The model with all that explains the windows: what was found, and a network where it was taught one.
+    pub fn whole(&self) -> &Fitted {
+        self.taught.as_ref().unwrap_or(&self.model)
     }
 
     /// Gives the parameters of what was found as people write them.
@@ -298,6 +305,7 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
         found,
         smooth: smooth.filter(|(_, model)| has_names(model, &added)),
         model: current,
+        taught: None,
         study,
         left,
         pushed: false,

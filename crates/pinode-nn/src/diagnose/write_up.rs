@@ -295,8 +295,8 @@ fn refined(c: &Contender, accepted: bool, hybrid: &Hybrid, inputs: &[String]) ->
 pub fn residuals(study: &Study, search: &Search) -> Vec<Residual> {
     let coordinates = search.null.hybrid.mechanics().coordinates();
     let before = search.null.excess(&study.observations);
-    let after = search.model.excess(&study.observations);
-    let strays = [&search.null, &search.model].map(|fitted| misfit::strays(study, fitted));
+    let after = search.whole().excess(&study.observations);
+    let strays = [&search.null, search.whole()].map(|fitted| misfit::strays(study, fitted));
     let channels = study.observations.channels.iter().enumerate();
     channels
         .map(|(c, channel)| {

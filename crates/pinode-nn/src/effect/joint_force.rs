@@ -2,10 +2,11 @@
 
 use integrators::event::Direction;
 use lagrange::{LANES, Lanes, Scalar};
-use pulp::{Arch, NullaryFnOnce};
+use pulp::NullaryFnOnce;
 
 use super::Scales;
 use super::dual::Dual;
+use crate::processor::Processor;
 
 /// A force law written over the scalar: Q_j = force(q_j, v_j; p), on the right-hand side of M v̇ + C v + G = Q.
 pub trait ForceLaw: Send + Sync + 'static {
@@ -239,7 +240,7 @@ impl<L: ForceLaw> JointForce for OnCoordinate<L> {
             return std::array::from_fn(|lane| self.force(q[lane], v[lane], p, smoothing));
         }
         let law = &self.0;
-        Arch::new().dispatch(ForceOfEight {
+        Processor::here().run(ForceOfEight {
             law,
             at: [q, v],
             p,

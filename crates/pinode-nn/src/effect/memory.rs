@@ -7,10 +7,11 @@
 
 use lagrange::{LANES, Lanes, Scalar};
 use num_dual::DualSVec64;
-use pulp::{Arch, NullaryFnOnce};
+use pulp::NullaryFnOnce;
 
 use super::Scales;
 use super::dual::Dual;
+use crate::processor::Processor;
 
 /// What a law with a memory sees of the world.
 #[derive(Debug, Clone, Copy)]
@@ -279,7 +280,7 @@ fn gradients_of_eight<L: MemoryLaw, const N: usize, const M: usize>(
     smoothing: f64,
     out: &mut MemoryDerivatives<[f64; LANES]>,
 ) {
-    Arch::new().dispatch(GradientsOfEight::<L, N, M> {
+    Processor::here().run(GradientsOfEight::<L, N, M> {
         law,
         seen,
         p,

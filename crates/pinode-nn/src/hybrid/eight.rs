@@ -2,7 +2,7 @@
 
 use lagrange::mechanism::LinkForceMemory;
 use lagrange::{Error, ForwardDynamicsDerivatives, LANES, Workspace};
-use pulp::{Arch, NullaryFnOnce};
+use pulp::NullaryFnOnce;
 
 use super::extra::ExtraMemory;
 use super::forces::{By, Of};
@@ -10,6 +10,7 @@ use super::networks::NetworkMemory;
 use super::{DrivenInputs, Hybrid, Placed};
 use crate::effect::{Action, JointForce, MemoryDerivatives, Seen};
 use crate::entries::Start;
+use crate::processor::Processor;
 
 /// One number of each of eight states.
 pub(crate) type Lane = [f64; LANES];
@@ -61,7 +62,7 @@ pub(crate) struct EightMemory {
     by: ForwardDynamicsDerivatives<Lane>,
     /// What the effects that change the mechanics need.
     extra: Option<ExtraMemory<Lane>>,
-    arch: Arch,
+    processor: Processor,
     /// (v̇, ḣ) of the last call.
     pub rates: Vec<Lane>,
     /// ∂Q_j/∂v_j of the forces on the joints without a memory, of the last call, if that linearised or was asked for them.
@@ -99,7 +100,7 @@ impl Hybrid {
             by_parameter: zeros(parameters.unwrap_or(0)),
             by: ForwardDynamicsDerivatives::lanes(n, selected.len()),
             extra: self.extra.as_ref().map(|e| e.memory(n, selected.len())),
-            arch: Arch::new(),
+            processor: Processor::here(),
             rates: zeros(n + nh),
             slopes: zeros(n),
             linear: zeros((n + nh) * count),
@@ -132,7 +133,7 @@ impl Hybrid {
             by_parameter,
             by,
             extra,
-            arch,
+            processor,
             rates,
             slopes,
             linear,
@@ -239,7 +240,7 @@ impl Hybrid {
         }
         rates[..n].copy_from_slice(by.acceleration.as_slice());
         let by_force = by.by_force.as_slice();
-        arch.dispatch(Chained {
+        processor.run(Chained {
             sizes: (n, below),
             by_force,
             forces,

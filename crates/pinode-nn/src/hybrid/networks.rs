@@ -7,7 +7,7 @@ use lagrange::LANES;
 use super::forces::{By, Of};
 use super::{Constant, ConstantId, DrivenInputs, Eight, Hybrid, Lane, State};
 use crate::learnt::{In, LearntForce, Room, Seen, Sight};
-use crate::network::Processor;
+use crate::processor::Processor;
 
 /// Memory of one thread for all networks of a model.
 pub(super) struct NetworkMemory {

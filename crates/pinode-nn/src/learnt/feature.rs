@@ -7,7 +7,7 @@ use pulp::{Simd, WithSimd};
 
 use crate::entries::Start;
 use crate::hybrid::{DrivenInputs, Eight, Lane};
-use crate::network::Processor;
+use crate::processor::Processor;
 
 /// A quantity that a network may see.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

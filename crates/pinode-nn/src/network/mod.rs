@@ -15,7 +15,6 @@ mod adjoint;
 mod gradient;
 mod kernel;
 mod mlp;
-mod processor;
 mod real;
 mod shape;
 mod single;
@@ -25,7 +24,6 @@ mod tape;
 mod tests;
 
 pub use mlp::Mlp;
-pub(crate) use processor::Processor;
 pub use real::Real;
 pub use shape::{Activation, Layer, Shape, ShapeError};
 pub use single::Single;

@@ -2,8 +2,8 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::processor::Processor;
 use super::real::Real;
+use crate::processor::Processor;
 
 /// x ← tanh x of every number, to 2 units in the last place; ±0, ±∞ and NaN as by the standard library. The derivative is 1 − tanh² x.
 pub fn tanh<T: Real>(x: &mut [T]) {

@@ -1,8 +1,8 @@
 //! Values and adjoints of all layers, for many states and several evaluations.
 
-use super::processor::Processor;
 use super::real::Real;
 use super::shape::Shape;
+use crate::processor::Processor;
 
 /// How many states a panel holds.
 pub const PANEL: usize = 32;

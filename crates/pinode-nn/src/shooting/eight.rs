@@ -3,12 +3,13 @@
 use std::ops::Range;
 
 use lagrange::LANES;
-use pulp::{Arch, NullaryFnOnce};
+use pulp::NullaryFnOnce;
 use rayon::prelude::*;
 
 use super::stiff::{HALVINGS, On, Stiff};
 use super::{Diverged, Trajectory};
 use crate::hybrid::{DrivenInputs, Eight, EightMemory, Hybrid, Lane};
+use crate::processor::Processor;
 
 /// One window to be rolled out.
 #[derive(Clone, Copy)]
@@ -26,7 +27,7 @@ pub(crate) struct EightRoller<'a> {
     pub(super) hybrid: &'a Hybrid,
     pub(super) free: &'a [usize],
     memory: EightMemory,
-    arch: Arch,
+    processor: Processor,
     /// (x, S) at the beginning of the step.
     pub(super) base: Vec<Lane>,
     /// (x, S) at a stage of it.
@@ -48,7 +49,7 @@ impl<'a> EightRoller<'a> {
             hybrid,
             free,
             memory: hybrid.memory_of_eight(free),
-            arch: Arch::new(),
+            processor: Processor::here(),
             base: Vec::new(),
             point: Vec::new(),
             sum: Vec::new(),
@@ -138,12 +139,12 @@ impl<'a> EightRoller<'a> {
     /// One step of the length `h` for (x, S), Ṡ = (∂f/∂x) S + ∂f/∂θ: of the classical Runge-Kutta method unless the model is [stiff](Stiff).
     pub(super) fn step(&mut self, theta: &[f64], at: &Eight<'_>, h: Lane) -> Result<(), Diverged> {
         if let Some(stiff) = &mut self.stiff {
-            let (hybrid, arch) = (self.hybrid, self.arch);
+            let (hybrid, processor) = (self.hybrid, self.processor);
             let on = On {
                 hybrid,
                 theta,
                 at,
-                arch,
+                processor,
             };
             return stiff.step(on, h, &mut self.memory, &mut self.base, HALVINGS);
         }
@@ -167,7 +168,7 @@ impl<'a> EightRoller<'a> {
             false => self.hybrid.accelerate_eight(x, theta, at, memory, false),
         };
         found.map_err(Diverged::Dynamics)?;
-        self.arch.dispatch(Stage::<STAGE> {
+        self.processor.run(Stage::<STAGE> {
             sizes: (n, nx),
             rates: &memory.rates,
             linear: &memory.linear,

@@ -1,10 +1,11 @@
 //! Normal equations of one window, and the elimination of its initial state.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
-use pulp::{Arch, NullaryFnOnce};
+use pulp::NullaryFnOnce;
 
 use super::Trajectory;
 use crate::hybrid::{Predicted, Reading};
+use crate::processor::Processor;
 
 /// Residuals beyond this many standard deviations count linearly (Huber).
 const HUBER: f64 = 3.0;
@@ -90,7 +91,7 @@ pub struct Accumulator {
     /// Rows √w (∂ŷ/σ) that are still to be added.
     rows: [Vec<f64>; ROWS],
     waiting: usize,
-    arch: Arch,
+    processor: Processor,
 }
 
 impl Accumulator {
@@ -103,7 +104,7 @@ impl Accumulator {
             prior: vec![0.0; nx],
             rows: std::array::from_fn(|_| vec![0.0; nx + free]),
             waiting: 0,
-            arch: Arch::new(),
+            processor: Processor::here(),
         }
     }
 
@@ -135,7 +136,7 @@ impl Accumulator {
             row.fill(0.0);
         }
         self.waiting = 0;
-        self.arch.dispatch(Squared {
+        self.processor.run(Squared {
             rows: &self.rows,
             all: self.all.as_mut_slice(),
         });

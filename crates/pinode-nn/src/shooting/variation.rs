@@ -1,9 +1,10 @@
 //! What small forces along a roll-out do to it, to first order.
 
 use lagrange::LANES;
-use pulp::{Arch, NullaryFnOnce};
+use pulp::NullaryFnOnce;
 
 use crate::hybrid::{DrivenInputs, Hybrid, Lane, Memory};
+use crate::processor::Processor;
 
 /// A roll-out taken apart into its integration steps, so that the effect of any small force along it takes one pass:
 ///
@@ -111,7 +112,7 @@ impl Variation {
     /// `states` plus what the pushes `halves`, ½ b of every step, change of them.
     fn carry(&self, states: &[f64], mut halves: Vec<Lane>, out: &mut [Vec<f64>]) {
         let mut changes = vec![[0.0; LANES]; self.nx * (1 + self.ends.len())];
-        Arch::new().dispatch(Carried {
+        Processor::here().run(Carried {
             nx: self.nx,
             ends: &self.ends,
             whole: self.is_stiff(),

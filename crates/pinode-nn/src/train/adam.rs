@@ -2,7 +2,8 @@
 
 use pulp::{NullaryFnOnce, Simd, WithSimd};
 
-use crate::network::{Processor, Real};
+use crate::network::Real;
+use crate::processor::Processor;
 
 /// β₁, β₂ and ε, as in the paper.
 const MEAN: f64 = 0.9;

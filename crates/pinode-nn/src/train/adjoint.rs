@@ -16,7 +16,8 @@ use super::tangents::Tangents;
 use crate::effect::Grid;
 use crate::hybrid::{DrivenInputs, Eight, EightMemory, Hybrid, Lane};
 use crate::learnt::{Feature, Output, Seen, Sight, chain, see};
-use crate::network::{Mlp, Processor, Real, Tape};
+use crate::network::{Mlp, Real, Tape};
+use crate::processor::Processor;
 
 /// Windows that are rolled out together, on one thread. A batch is cut into such chunks whatever the number of threads.
 pub(crate) const CHUNK: usize = 64;

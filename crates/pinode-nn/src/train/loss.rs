@@ -5,7 +5,7 @@ use lagrange::{Coordinate, LANES};
 use crate::entries::Start;
 use crate::hybrid::Lane;
 use crate::learnt::SinCos;
-use crate::network::Processor;
+use crate::processor::Processor;
 use crate::shooting::wrap_angle;
 
 /// What was measured in one recording.

@@ -14,7 +14,8 @@ use super::loss::FAR;
 use super::{Options, Start};
 use crate::Error;
 use crate::learnt::LearntForce;
-use crate::network::{Mlp, Processor, Real};
+use crate::network::{Mlp, Real};
+use crate::processor::Processor;
 
 /// Constants are fitted beside the network after so many epochs, and after twice as many as the last time.
 const FIRST_REFIT: usize = 2;

@@ -83,15 +83,21 @@ fn log() -> Log {
 fn a_tilted_rail_is_a_force_on_the_cart_beside_another_zero_of_the_pole() {
     let found = diagnosed(&parsed(MODEL), log());
     assert_eq!(found.verdict, Verdict::EffectsFound, "{:?}", found.effects);
-    let names: Vec<&str> = found.effects.iter().map(|e| &*e.kind).collect();
-    assert!(names.contains(&"sensor_offset"), "{names:?}");
+    let zero_of_the_pole = |e: &NamedEffect| e.kind == "sensor_offset" && e.target == "phi";
     let forces = ["constant_force", "input_offset"];
-    let on_the_cart = |e: &&NamedEffect| forces.contains(&&*e.kind) && e.target != "phi";
-    let force = found.effects.iter().find(on_the_cart);
-    let force = force.unwrap_or_else(|| panic!("{names:?}"));
-    let size = force.parameters.values().next().unwrap();
+    let on_the_cart = |e: &NamedEffect| forces.contains(&&*e.kind) && e.target != "phi";
     let weight = (CART + POLE) * GRAVITY * TILT.sin();
-    let error = size.value + weight;
-    assert!(error.abs() < 4.0 * size.std.unwrap(), "{size:?} {weight}");
+    let close = |is: &dyn Fn(&NamedEffect) -> bool, truth: f64| {
+        let effect = found.effects.iter().find(|e| is(e));
+        let effect = effect.unwrap_or_else(|| panic!("{:?}", found.effects));
+        let size = effect.parameters.values().next().unwrap();
+        let (error, std) = (size.value - truth, size.std.unwrap());
+        assert!(
+            error.abs() < 4.0 * std.min(0.01 * truth.abs()),
+            "{size:?} {truth}"
+        );
+    };
+    close(&on_the_cart, -weight);
+    close(&zero_of_the_pole, -TILT);
     assert!(found.gap.after < 0.1 * found.gap.before, "{:?}", found.gap);
 }

@@ -3,10 +3,10 @@
 mod equations;
 
 use lagrange::LANES;
-use pulp::Arch;
 
 use super::Diverged;
 use crate::hybrid::{Eight, EightMemory, Hybrid, Lane};
+use crate::processor::Processor;
 
 use equations::{Change, Columns};
 
@@ -60,7 +60,7 @@ pub(super) struct On<'a> {
     pub hybrid: &'a Hybrid,
     pub theta: &'a [f64],
     pub at: &'a Eight<'a>,
-    pub arch: Arch,
+    pub processor: Processor,
 }
 
 impl Stiff {
@@ -126,7 +126,7 @@ impl Stiff {
             hybrid,
             theta,
             at,
-            arch,
+            processor,
         } = on;
         let (n, nx) = (hybrid.nv(), hybrid.nx());
         let sizes = (n, nx);
@@ -154,7 +154,7 @@ impl Stiff {
             self.change.extend_from_slice(&memory.rates);
             let below = nx - n;
             self.matrix.resize(below * below, [0.0; LANES]);
-            arch.dispatch(Change {
+            processor.run(Change {
                 sizes,
                 g,
                 from: &self.from[n..nx],
@@ -180,7 +180,7 @@ impl Stiff {
         self.place(n, g);
         if self.from.len() > nx {
             self.linearize(on, memory)?;
-            arch.dispatch(Columns {
+            processor.run(Columns {
                 sizes,
                 g,
                 linear: &memory.linear,
