@@ -150,6 +150,7 @@ fn found(
         gain: found.comparison.total(),
         found: vec![found],
         model: fitted,
+        taught: None,
         study: study.clone(),
         smooth: None,
         left: None,
