@@ -51,6 +51,8 @@ parameters = { m = 0.0, k = 0.0 }
 struct Recording {
     /// Force that is at work and not logged, N, at a time and place.
     unlogged: fn(f64, f64) -> f64,
+    /// What the motor makes of its input, N.
+    motor: fn(f64) -> f64,
     /// Until then the input does nothing, s.
     dead: f64,
     seed: u64,
@@ -60,6 +62,7 @@ struct Recording {
 impl Recording {
     const HEALTHY: Recording = Recording {
         unlogged: |_, _| 0.0,
+        motor: |u| u,
         dead: 0.0,
         seed: 1,
         seconds: 30.0,
@@ -87,7 +90,8 @@ impl Recording {
             for _ in 0..100 {
                 let h = STEP / 100.0;
                 let decay = (-a * h).exp();
-                let w = (u + (self.unlogged)(t, x) - STIFFNESS * x) / FRICTION;
+                let force = (self.motor)(u) + (self.unlogged)(t, x);
+                let w = (force - STIFFNESS * x) / FRICTION;
                 x += w * h + (v - w) * (1.0 - decay) / a;
                 v = w + (v - w) * decay;
             }
@@ -325,14 +329,16 @@ fn the_least_friction_that_can_be_seen_is_told() {
     assert!(diagnosis.excitation.coordinates[0].reversals > 5);
 }
 
-/// Two hills of force along the way, which no law of the library has: they are described, and a network learns them.
+/// A hill of force along the way.
+fn hill(x: f64, at: f64, wide: f64) -> f64 {
+    (-((x - at) / wide).powi(2)).exp()
+}
+
+/// Two hills, which no law of the library has: they are described, and a network learns them.
 #[test]
 fn what_no_effect_explains_is_described_and_learnt() {
     let recording = Recording {
-        unlogged: |_, x| {
-            let hill = |at: f64, wide: f64| (-((x - at) / wide).powi(2)).exp();
-            6.0 * (hill(0.2, 0.1) - hill(-0.1, 0.06))
-        },
+        unlogged: |_, x| 6.0 * (hill(x, 0.2, 0.1) - hill(x, -0.1, 0.06)),
         ..Recording::HEALTHY
     };
     let diagnosis = diagnosed(&[recording.rows()]);
@@ -352,6 +358,51 @@ fn what_no_effect_explains_is_described_and_learnt() {
     let law = learnt.law.unwrap();
     assert_eq!(law.signals[0].name, "q.x");
     assert!(law.signals[0].share > 0.8, "{law:?}");
+}
+
+/// A friction that was found follows what a network of the place does not see: beside it the friction is what it is.
+#[test]
+fn friction_that_is_found_is_right_beside_a_network_that_learns_the_rest() {
+    let friction = "[[effect]]\nkind = \"viscous_friction\"\njoint = \"x\"\ncoefficient = 1.5\n";
+    let recording = Recording {
+        unlogged: |_, x| 4.0 * hill(x, 0.2, 0.05),
+        ..Recording::HEALTHY
+    };
+    let diagnosis = diagnosed_by(&MODEL.replace(friction, ""), &[recording.rows()]);
+    let [found] = &diagnosis.effects[..] else {
+        panic!("{:?}", diagnosis.effects)
+    };
+    assert_eq!(found.kind, "viscous_friction");
+    let learnt = diagnosis.unexplained.unwrap().learnt.unwrap();
+    assert!(learnt.with < 0.5 * learnt.without, "{learnt:?}");
+    let coefficient = &found.parameters["coefficient"];
+    let (error, std) = (coefficient.value - FRICTION, coefficient.std.unwrap());
+    assert!(error.abs() < 3.0 * std && std < 0.03, "{coefficient:?}");
+}
+
+/// A motor that weakens with what is asked of it is one with another gain at first; the network that learns the rest sees the same input, and could learn
+/// the gain too: which is told as it was without the network.
+#[test]
+fn a_gain_that_is_found_is_not_taken_over_by_a_network_that_sees_the_input() {
+    const WEAKENS: f64 = 0.01;
+    let recording = Recording {
+        motor: |u| u - WEAKENS * u * u.abs(),
+        ..Recording::HEALTHY
+    };
+    let rows = recording.rows();
+    let diagnosis = diagnosed(std::slice::from_ref(&rows));
+    let [found] = &diagnosis.effects[..] else {
+        panic!("{:?}", diagnosis.effects)
+    };
+    assert_eq!(found.kind, "input_gain_error");
+    let learnt = diagnosis.unexplained.unwrap().learnt.unwrap();
+    assert!(learnt.with < 0.7 * learnt.without, "{learnt:?}");
+    // The line nearest to −c u |u|: of slope −c Σ|u|³/Σu².
+    let moment = |n| rows.iter().map(|row| row[2].abs().powi(n)).sum::<f64>();
+    let nearest = -WEAKENS * moment(3) / moment(2);
+    let gain = &found.parameters["gain"];
+    let (error, std) = (gain.value - nearest, gain.std.unwrap());
+    assert!(error.abs() < 0.01 && std < 0.01, "{gain:?} {nearest}");
 }
 
 /// Gusts that come at any time follow from nothing: a network can learn those that it sees, and knows nothing of the next one.

@@ -2,10 +2,10 @@
 //!
 //! M(q) v̇ + C(q, v) v + G(q) = Q + s Σ_k a_k tanh(w_kᵀ z + b_k) + s b: the network sees only the signals z that the missing law was seen to follow
 //! (where there is no hint of any, the joint's position and velocity and what drives it). Its parameters are entries of θ like those of every effect: they are
-//! fitted over the same windows, each with a prior, while all other constants stay what they were without it: a network that sees what a found effect
-//! follows would take over its work, and the effect would be told with what is left of it. It is added where it explains the windows better, pair by
-//! pair, both those that the fit saw and those held out, and shrinks the gap of free runs: pushes from outside can be learnt, but say nothing of later
-//! ones.
+//! fitted with all others over the same windows, each with a prior; but a network that sees what a found effect follows would take over its work, and the
+//! effect would be told with what is left of it: a constant that would be known much better if the network were known stays what it was without it.
+//! The network is added where it explains the windows better, pair by pair, both those that the fit saw and those held out, and shrinks the gap of free
+//! runs: pushes from outside can be learnt, but say nothing of later ones.
 
 use std::sync::Arc;
 
@@ -24,7 +24,7 @@ use super::unexplained::describe;
 use super::verdict::{Gap, Learnt, Provenance, Unexplained};
 use crate::digits::number;
 use crate::entries::starts;
-use crate::hybrid::Hybrid;
+use crate::hybrid::{ConstantId, Hybrid};
 use crate::learnt::law::Law;
 use crate::learnt::{Card, Feature, LearntForce, Names, Output, Quantity};
 use crate::log::same_rate;
@@ -41,6 +41,8 @@ const SLOPES: [f64; 2] = [0.5, 10.0];
 const TOLERANCE: f64 = 3.0;
 /// Iterations of the fit: of the initial states alone, and of all.
 const ITERATIONS: [usize; 2] = [0, 30];
+/// A network could do the work of a constant that would be known so many times as well if the network were known.
+const DOES_THE_SAME: f64 = 1.5;
 /// What an input was so many samples ago.
 const AGO: [usize; 5] = [1, 2, 3, 5, 8];
 
@@ -69,7 +71,7 @@ pub struct Resort<'a> {
 
 /// A network that explains what is left.
 pub struct Taught {
-    /// The model with it; all other constants are those without.
+    /// The model with it, fitted; what it could have taken over is held.
     pub fitted: Fitted,
     /// The force.
     pub force: LearntForce,
@@ -77,6 +79,35 @@ pub struct Taught {
     pub card: Card,
     /// What it is like.
     pub law: Option<Law>,
+}
+
+/// The entries of θ whose work the network of a fit could do: where it could for one constant of an effect, all of them.
+fn taken_over(fitted: &Fitted) -> Vec<usize> {
+    let Fitted { hybrid, inside, .. } = fitted;
+    let of_network = |i: usize| matches!(hybrid.constants()[i].id, ConstantId::Network(..));
+    let beside = inside.nominal_errors();
+    let alone = inside.nominal_errors_knowing(of_network);
+    let errors = beside.iter().zip(&alone);
+    let free = inside
+        .free
+        .iter()
+        .zip(errors)
+        .filter(|(i, _)| !of_network(**i));
+    let is_taken =
+        |(beside, alone): (&f64, &f64)| alone.is_finite() && *beside > DOES_THE_SAME * alone;
+    let mut taken: Vec<usize> = free
+        .filter(|(_, errors)| is_taken(*errors))
+        .map(|(&i, _)| i)
+        .collect();
+    let effects = 0..hybrid.effects().len();
+    for range in effects.map(|effect| hybrid.range(effect)) {
+        if taken.iter().any(|i| range.contains(i)) {
+            taken.extend(range.filter(|i| inside.free.contains(i)));
+        }
+    }
+    taken.sort_unstable();
+    taken.dedup();
+    taken
 }
 
 /// On which coordinates the model is off, by what is left of each: not on those that stay within their noise while another leaves it.
@@ -135,7 +166,7 @@ impl<'a> Resort<'a> {
         Some((words, resort))
     }
 
-    /// Teaches a network beside what was found, which keeps its constants.
+    /// Teaches a network beside what was found.
     ///
     /// # Errors
     /// In words, where there is none that explains windows it has not seen.
@@ -155,11 +186,21 @@ impl<'a> Resort<'a> {
             .beginning(&quantities, &states)
             .ok_or("No network was taught it: nothing moves that it could follow.")?;
         let mut hybrid = given.hybrid.clone();
-        hybrid.make_exact(&given.inside.theta);
         let theta = [&given.inside.theta, force.network().parameters()].concat();
         hybrid.add_open_network(Arc::new(force), TOLERANCE);
         let [alone, all] = ITERATIONS;
-        let fitted = self.study.fit(hybrid, given.start(theta), alone, all);
+        let mut fitted = self.study.fit(hybrid, given.start(theta), alone, all);
+        let taken = taken_over(&fitted);
+        if !taken.is_empty() {
+            let mut hybrid = fitted.hybrid.clone();
+            let mut theta = fitted.inside.theta.clone();
+            for i in taken {
+                theta[i] = given.inside.theta[i];
+                let constant = &mut hybrid.constants_mut()[i];
+                (constant.value, constant.tolerance) = (theta[i], 0.0);
+            }
+            fitted = self.study.fit(hybrid, given.start(theta), alone, all);
+        }
         let comparison = Comparison::of(&fitted, given);
         if !comparison.explains() {
             return Err(format!(
@@ -320,7 +361,7 @@ impl Taught {
             weights: vec![weights.to_owned()],
             joints: self.card.joints.iter().map(|j| j.name.clone()).collect(),
             comment: format!(
-                "what no effect explains, learnt by pinode {}; the other constants are as fitted without it; seed {seed}",
+                "what no effect explains, learnt by pinode {}; the other constants are as fitted beside it; seed {seed}",
                 env!("CARGO_PKG_VERSION"),
             ),
         }

@@ -81,9 +81,9 @@ impl Proof<'_> {
             ))
         };
         let mut hybrid = read_back()?;
-        if hybrid.is_stiff() != search.model.hybrid.is_stiff() {
+        if hybrid.is_stiff() != search.whole().hybrid.is_stiff() {
             // With what was found the default is another than that of the fit.
-            write_up::say_smoothing(&mut revision, &search.model.hybrid);
+            write_up::say_smoothing(&mut revision, &search.whole().hybrid);
             model.write_revision(out, name, &revision)?;
             hybrid = read_back()?;
         }

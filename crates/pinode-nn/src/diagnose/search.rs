@@ -45,7 +45,7 @@ pub struct Search {
     pub found: Vec<Found>,
     /// The model with it.
     pub model: Fitted,
-    /// The same with a network that has learnt what is left; its other constants are those of the model.
+    /// The same with a network that has learnt what is left, fitted anew; what the network could have taken over is as it is in the model.
     pub taught: Option<Fitted>,
     /// The study that it was fitted in: with shorter steps where its friction needs them.
     pub study: Study,

@@ -23,10 +23,10 @@ pub fn revision(
     (study, search): (&Study, &Search),
     provenance: &Provenance,
 ) -> Revision {
-    let fitted = &search.model;
+    let fitted = search.whole();
     let theta = &fitted.inside.theta;
     let hybrid = &fitted.hybrid;
-    let errors = Errors::of(&search.model, study);
+    let errors = Errors::of(search, study);
     let mut revision = Revision::of(model);
     for (i, constant) in hybrid.constants().iter().enumerate() {
         match constant.id {
@@ -114,23 +114,26 @@ pub fn say_smoothing(revision: &mut Revision, hybrid: &Hybrid) {
     }
 }
 
-/// Standard errors by index in θ.
+/// Standard errors by index in θ: of the fit with a network, and where that held a constant, of the one without.
 struct Errors<'a> {
-    free: &'a [usize],
-    errors: &'a [f64],
+    fits: [(&'a [usize], &'a [f64]); 2],
 }
 
 impl<'a> Errors<'a> {
-    fn of(fitted: &'a Fitted, study: &Study) -> Self {
+    fn of(search: &'a Search, study: &Study) -> Self {
+        let fits = [search.whole(), &search.model];
         Errors {
-            free: &fitted.inside.free,
-            errors: fitted.standard_errors(study),
+            fits: fits.map(|fit| (&fit.inside.free[..], fit.standard_errors(study))),
         }
     }
 
     fn at(&self, index: usize) -> Option<f64> {
-        let k = self.free.iter().position(|&i| i == index)?;
-        Some(self.errors[k]).filter(|e| e.is_finite())
+        let of_fit = |(free, errors): &(&[usize], &[f64])| {
+            let k = free.iter().position(|&i| i == index)?;
+            errors.get(k).copied()
+        };
+        let error = self.fits.iter().find_map(of_fit)?;
+        Some(error).filter(|e| e.is_finite())
     }
 }
 
@@ -140,9 +143,9 @@ pub fn effects(
     splits: &[Split],
     inputs: &[String],
 ) -> Vec<NamedEffect> {
-    let hybrid = &search.model.hybrid;
-    let theta = &search.model.inside.theta;
-    let errors = Errors::of(&search.model, study);
+    let Fitted { hybrid, inside, .. } = search.whole();
+    let theta = &inside.theta;
+    let errors = Errors::of(search, study);
     let name = |c: &Candidate| name(c, hybrid, inputs);
     search
         .found
@@ -220,7 +223,8 @@ fn evidence(comparison: &Comparison) -> Evidence {
 /// The constants that were not found but moved: masses, gains, zeros, known effects.
 pub fn constants((study, search): (&Study, &Search), inputs: &[String]) -> Vec<FittedConstant> {
     let fitted = &search.model;
-    let errors = Errors::of(&search.model, study);
+    let theta = &search.whole().inside.theta;
+    let errors = Errors::of(search, study);
     let is_found = |effect: usize| {
         let placed = fitted.hybrid.effects()[effect];
         search.found.iter().any(|f| f.candidate.is(&placed))
@@ -241,7 +245,7 @@ pub fn constants((study, search): (&Study, &Search), inputs: &[String]) -> Vec<F
         Some(FittedConstant {
             name,
             given: given.value,
-            fitted: fitted.inside.theta[i],
+            fitted: theta[i],
             std: errors.at(i),
             tolerance: given.tolerance,
         })

@@ -59,14 +59,6 @@ impl Hybrid {
         }
     }
 
-    /// Takes θ for exact: no fit moves the constants that it has.
-    pub fn make_exact(&mut self, theta: &[f64]) {
-        self.set_theta(theta);
-        for constant in &mut self.constants {
-            constant.tolerance = 0.0;
-        }
-    }
-
     /// The entries of θ that a fit moves: those that are not exact.
     pub fn free(&self) -> Vec<usize> {
         (0..self.constants.len())

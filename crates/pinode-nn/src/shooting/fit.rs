@@ -77,7 +77,12 @@ impl Fit {
 
     /// Standard errors of θ_free by the information alone, the diagonal of I⁻¹: as if no residuals hung together. Infinite where nothing moves a constant.
     pub fn nominal_errors(&self) -> Vec<f64> {
-        let Some((moving, inverse)) = self.inverse() else {
+        self.nominal_errors_knowing(|_| false)
+    }
+
+    /// The same where the entries of θ for which `is_known` holds are known: what is left of an error when the others cannot make up for it. Theirs are infinite.
+    pub fn nominal_errors_knowing(&self, is_known: impl Fn(usize) -> bool) -> Vec<f64> {
+        let Some((moving, inverse)) = self.inverse_knowing(is_known) else {
             return vec![f64::INFINITY; self.free.len()];
         };
         self.errors(&moving, inverse.diagonal().map(f64::sqrt).as_slice())
@@ -105,8 +110,16 @@ impl Fit {
 
     /// The entries of θ_free that move something, and the inverse of the information on them.
     fn inverse(&self) -> Option<(Vec<usize>, DMatrix<f64>)> {
+        self.inverse_knowing(|_| false)
+    }
+
+    /// The same without the entries of θ that are known.
+    fn inverse_knowing(
+        &self,
+        is_known: impl Fn(usize) -> bool,
+    ) -> Option<(Vec<usize>, DMatrix<f64>)> {
         let moving: Vec<usize> = (0..self.free.len())
-            .filter(|&k| self.information[(k, k)] > 1e-300)
+            .filter(|&k| self.information[(k, k)] > 1e-300 && !is_known(self.free[k]))
             .collect();
         let n = moving.len();
         let entry = |i: usize, j: usize| self.information[(moving[i], moving[j])];
