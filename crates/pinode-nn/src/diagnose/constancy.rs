@@ -19,7 +19,7 @@ const FEWEST: usize = 16;
 
 /// The constant of the found model that changes most clearly over the windows it was fitted to, if one does.
 pub fn change(study: &Study, search: &Search, inputs: &[String]) -> Option<Change> {
-    let (fit, hybrid) = (&search.model.inside, &search.model.hybrid);
+    let (fit, hybrid) = (&search.whole().inside, &search.whole().hybrid);
     let windows = &study.windows.fit;
     let influences = fit.influences(windows.len());
     let shift = |k: usize| {

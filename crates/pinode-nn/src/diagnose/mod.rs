@@ -281,7 +281,7 @@ pub(crate) fn diagnose_into(
 
     let effects = write_up::effects((study, &search), &splits, &names);
     let numerics = Numerics {
-        set_valued: numerics::set_valued(study, &search.model),
+        set_valued: numerics::set_valued(study, search.whole()),
     };
     let constants = write_up::constants((study, &search), &names);
     let mut advice = advise::advise(
