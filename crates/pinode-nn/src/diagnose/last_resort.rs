@@ -43,6 +43,8 @@ const TOLERANCE: f64 = 3.0;
 const ITERATIONS: [usize; 2] = [0, 30];
 /// A network could do the work of a constant that would be known so many times as well if the network were known.
 const DOES_THE_SAME: f64 = 1.5;
+/// So many times it is asked what it could.
+const ROUNDS: usize = 3;
 /// What an input was so many samples ago.
 const AGO: [usize; 5] = [1, 2, 3, 5, 8];
 
@@ -190,8 +192,12 @@ impl<'a> Resort<'a> {
         hybrid.add_open_network(Arc::new(force), TOLERANCE);
         let [alone, all] = ITERATIONS;
         let mut fitted = self.study.fit(hybrid, given.start(theta), alone, all);
-        let taken = taken_over(&fitted);
-        if !taken.is_empty() {
+        // What does the same as a constant that is held may be next: a gain beside its error.
+        for _ in 0..ROUNDS {
+            let taken = taken_over(&fitted);
+            if taken.is_empty() {
+                break;
+            }
             let mut hybrid = fitted.hybrid.clone();
             let mut theta = fitted.inside.theta.clone();
             for i in taken {

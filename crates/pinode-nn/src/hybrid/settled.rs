@@ -19,7 +19,9 @@ impl Hybrid {
             .filter(|(effect, _)| matches!(effect.kind.action, Action::Drive(_)))
             .collect();
         for (effect, range) in &effects {
-            if effect.fixed || effect.kind.name != "input_gain_error" {
+            // What is exact takes nothing over.
+            let is_free = self.constants[range.start].tolerance > 0.0;
+            if !is_free || effect.kind.name != "input_gain_error" {
                 continue;
             }
             let mut beside = effects.iter().filter(|(e, _)| e.target == effect.target);
