@@ -1,6 +1,6 @@
 //! Code compiled for several processors; which one is at hand is asked at run time.
 
-use pulp::{Simd, WithSimd};
+use pulp::WithSimd;
 
 /// The instructions of the processor at hand. ([`pulp::Arch`] is the same, but knows of AVX2 by a feature of `pulp` that other crates may or may not have on,
 /// and compiles for AVX-512 always.)
@@ -36,9 +36,9 @@ impl Processor {
     pub fn run<W: WithSimd>(self, task: W) -> W::Output {
         match self {
             #[cfg(all(target_arch = "x86_64", not(debug_assertions)))]
-            Processor::V4(v4) => Simd::vectorize(v4, task),
+            Processor::V4(v4) => pulp::Simd::vectorize(v4, task),
             #[cfg(target_arch = "x86_64")]
-            Processor::V3(v3) => Simd::vectorize(v3, task),
+            Processor::V3(v3) => pulp::Simd::vectorize(v3, task),
             Processor::Plain => plain(task),
         }
     }
@@ -46,7 +46,7 @@ impl Processor {
 
 #[cfg(target_arch = "x86_64")]
 fn plain<W: WithSimd>(task: W) -> W::Output {
-    Simd::vectorize(pulp::Scalar::new(), task)
+    pulp::Simd::vectorize(pulp::Scalar::new(), task)
 }
 
 /// Others have vectors that need not be asked for.

@@ -6,7 +6,7 @@
 //! strongly as most. (Nyblom, J. Am. Stat. Assoc. 84, 1989; Hjort and Koning, J. Nonparametric Stat. 14, 2002.)
 
 use super::search::Search;
-use super::study::Study;
+use super::study::{Fitted, Study};
 use super::verdict::Change;
 use crate::hybrid::ConstantId;
 
@@ -17,15 +17,34 @@ const WORTH_TELLING: f64 = 0.1;
 /// Fewer windows than this say nothing.
 const FEWEST: usize = 16;
 
-/// The constant of the found model that changes most clearly over the windows it was fitted to, if one does.
+/// The constant of the found model that changes most clearly over the windows it was fitted to, if one does: beside a network where it was fitted there, else
+/// without.
 pub fn change(study: &Study, search: &Search, inputs: &[String]) -> Option<Change> {
-    let (fit, hybrid) = (&search.whole().inside, &search.whole().hybrid);
+    let (whole, model) = (search.whole(), &search.model);
+    let held = |i: &usize| !whole.inside.free.contains(i);
+    let beside = shifts(study, whole, |_| true, inputs);
+    let found = beside.chain(shifts(study, model, held, inputs));
+    found.max_by(|a, b| a.statistic.total_cmp(&b.statistic))
+}
+
+/// Those of the constants of a fit, of those that are asked for, that change.
+fn shifts(
+    study: &Study,
+    fitted: &Fitted,
+    is_asked: impl Fn(&usize) -> bool,
+    inputs: &[String],
+) -> impl Iterator<Item = Change> {
+    let Fitted {
+        hybrid,
+        inside: fit,
+        ..
+    } = fitted;
     let windows = &study.windows.fit;
     let influences = fit.influences(windows.len());
-    let shift = |k: usize| {
+    let shift = move |k: usize| {
         let index = fit.free[k];
         let constant = &hybrid.constants()[index];
-        if matches!(constant.id, ConstantId::Network(..)) {
+        if matches!(constant.id, ConstantId::Network(..)) || !is_asked(&index) {
             return None;
         }
         let series: Vec<f64> = influences.iter().map(|p| p[k]).collect();
@@ -60,8 +79,7 @@ pub fn change(study: &Study, search: &Search, inputs: &[String]) -> Option<Chang
             }
         })
     };
-    let found = (0..fit.free.len()).filter_map(shift);
-    found.max_by(|a, b| a.statistic.total_cmp(&b.statistic))
+    (0..fit.free.len()).filter_map(shift)
 }
 
 /// The largest of the sums of the signs of a series less their mean, over the root of the sum of their squares; where it ends, and the sum itself.

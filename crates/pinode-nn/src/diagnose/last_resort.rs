@@ -3,7 +3,7 @@
 //! M(q) v̇ + C(q, v) v + G(q) = Q + s Σ_k a_k tanh(w_kᵀ z + b_k) + s b: the network sees only the signals z that the missing law was seen to follow
 //! (where there is no hint of any, the joint's position and velocity and what drives it). Its parameters are entries of θ like those of every effect: they are
 //! fitted with all others over the same windows, each with a prior; but a network that sees what a found effect follows would take over its work, and the
-//! effect would be told with what is left of it: a constant that would be known much better if the network were known stays what it was without it.
+//! effect would be told with what is left of it: a constant of an effect that would be known much better if the network were known stays what it was without.
 //! The network is added where it explains the windows better, pair by pair, both those that the fit saw and those held out, and shrinks the gap of free
 //! runs: pushes from outside can be learnt, but say nothing of later ones.
 
@@ -83,33 +83,33 @@ pub struct Taught {
     pub law: Option<Law>,
 }
 
-/// The entries of θ whose work the network of a fit could do: where it could for one constant of an effect, all of them.
+/// The entries of θ whose work the network of a fit could do, among those that nothing is known of beforehand: where it could for one constant of an effect,
+/// all of them, and beside the error of a gain the gain.
 fn taken_over(fitted: &Fitted) -> Vec<usize> {
     let Fitted { hybrid, inside, .. } = fitted;
-    let of_network = |i: usize| matches!(hybrid.constants()[i].id, ConstantId::Network(..));
+    let constants = hybrid.constants();
+    let of_network = |i: usize| matches!(constants[i].id, ConstantId::Network(..));
     let beside = inside.nominal_errors();
     let alone = inside.nominal_errors_knowing(of_network);
-    let errors = beside.iter().zip(&alone);
-    let free = inside
-        .free
-        .iter()
-        .zip(errors)
-        .filter(|(i, _)| !of_network(**i));
-    let is_taken =
-        |(beside, alone): (&f64, &f64)| alone.is_finite() && *beside > DOES_THE_SAME * alone;
-    let mut taken: Vec<usize> = free
-        .filter(|(_, errors)| is_taken(*errors))
-        .map(|(&i, _)| i)
-        .collect();
-    let effects = 0..hybrid.effects().len();
-    for range in effects.map(|effect| hybrid.range(effect)) {
+    let is_taken = |k: usize| {
+        let i = inside.free[k];
+        let unknown = constants[i].tolerance.is_infinite() && !of_network(i);
+        unknown && alone[k].is_finite() && beside[k] > DOES_THE_SAME * alone[k]
+    };
+    let taken = (0..inside.free.len()).filter(|&k| is_taken(k));
+    let taken: Vec<usize> = taken.map(|k| inside.free[k]).collect();
+    let mut held = Vec::new();
+    for (index, effect) in hybrid.effects().iter().enumerate() {
+        let range = hybrid.range(index);
         if taken.iter().any(|i| range.contains(i)) {
-            taken.extend(range.filter(|i| inside.free.contains(i)));
+            held.extend(range);
+            if effect.kind.name == "input_gain_error" {
+                held.push(hybrid.gain_index(effect.target));
+            }
         }
     }
-    taken.sort_unstable();
-    taken.dedup();
-    taken
+    held.retain(|i| inside.free.contains(i));
+    held
 }
 
 /// On which coordinates the model is off, by what is left of each: not on those that stay within their noise while another leaves it.
@@ -192,7 +192,7 @@ impl<'a> Resort<'a> {
         hybrid.add_open_network(Arc::new(force), TOLERANCE);
         let [alone, all] = ITERATIONS;
         let mut fitted = self.study.fit(hybrid, given.start(theta), alone, all);
-        // What does the same as a constant that is held may be next: a gain beside its error.
+        // What does the same as a constant that is held may be next.
         for _ in 0..ROUNDS {
             let taken = taken_over(&fitted);
             if taken.is_empty() {
@@ -205,7 +205,7 @@ impl<'a> Resort<'a> {
                 let constant = &mut hybrid.constants_mut()[i];
                 (constant.value, constant.tolerance) = (theta[i], 0.0);
             }
-            fitted = self.study.fit(hybrid, given.start(theta), alone, all);
+            fitted = self.study.fit(hybrid, fitted.start(theta), alone, all);
         }
         let comparison = Comparison::of(&fitted, given);
         if !comparison.explains() {

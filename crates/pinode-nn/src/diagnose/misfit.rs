@@ -83,7 +83,10 @@ pub fn is_contradicted(gap: &Gap) -> bool {
 pub fn is_not_all(gap: &Gap, windows_leave: f64) -> bool {
     let (astray, share) = ASTRAY;
     let leave = gap.after / gap.before;
-    (gap.after > FAR && leave > STILL) || (gap.after > astray && leave.max(windows_leave) > share)
+    // What diverges before and after leaves all.
+    let is_more = |leave: f64, share: f64| leave.is_nan() || leave > share;
+    (gap.after > FAR && is_more(leave, STILL))
+        || (gap.after > astray && (is_more(leave, share) || is_more(windows_leave, share)))
 }
 
 /// The share of the misfit of `null` that `model` leaves in its windows: 0 where it leaves what is within its limits.
@@ -143,13 +146,14 @@ mod tests {
     #[test]
     fn what_was_found_is_not_all_where_free_runs_or_windows_keep_a_part_of_their_errors() {
         for (before, after, windows_leave, not_all) in [
-            (258.0, 22.6, 0.0, false),      // an end stop under a cart-pole
-            (728.0, 10.1, 0.0, false),      // viscous friction on both joints of an arm
-            (3.0, 9.0, 0.0, false),         // little, and within what starts make
-            (39.5, 11.0, 0.0, true),        // one of three
-            (65.6, 12.6, 0.0, true),        // one of two
-            (1440.0, 94.0, 0.1, true),      // a stand-in for a mass that the model has no link for
-            (2.6e8, 2.8e5, 0.14, true),     // a motor that cannot follow, under feedback
+            (258.0, 22.6, 0.0, false),  // an end stop under a cart-pole
+            (728.0, 10.1, 0.0, false),  // viscous friction on both joints of an arm
+            (3.0, 9.0, 0.0, false),     // little, and within what starts make
+            (39.5, 11.0, 0.0, true),    // one of three
+            (65.6, 12.6, 0.0, true),    // one of two
+            (1440.0, 94.0, 0.0, true),  // a stand-in for a mass that the model has no link for
+            (2.6e8, 2.8e5, 0.14, true), // a motor that cannot follow, under feedback
+            (f64::INFINITY, f64::INFINITY, 0.0, true),
             (2.17e6, 1.62e4, 0.036, false), // the frictions of a real drive, in quanta of its encoder
         ] {
             let said = is_not_all(&gap(before, after), windows_leave);

@@ -93,7 +93,7 @@ impl Hybrid {
         0..self.mechanics.parameters().len()
     }
 
-    pub(super) fn gain_index(&self, input: usize) -> usize {
+    pub(crate) fn gain_index(&self, input: usize) -> usize {
         self.mechanics.parameters().len() + input
     }
 

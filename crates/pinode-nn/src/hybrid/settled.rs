@@ -81,6 +81,11 @@ mod tests {
         for (a, b) in force(&hybrid, &settled).iter().zip(force(&hybrid, &theta)) {
             assert!((a - b).abs() < 1e-12, "{a} {b}");
         }
+        // An error that is exact takes nothing over.
+        let (mut hybrid, theta) = with(&late);
+        let error = hybrid.range(1).start;
+        hybrid.constants_mut()[error].tolerance = 0.0;
+        assert_eq!(hybrid.settled(theta.clone()), theta);
         // Behind a dead zone a gain is no gain of what comes before it; without an error there is nothing to take over.
         for other in [
             &[("input_dead_zone", 0.2), ("input_gain_error", 0.1)][..],

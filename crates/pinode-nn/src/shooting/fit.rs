@@ -81,7 +81,7 @@ impl Fit {
     }
 
     /// The same where the entries of θ for which `is_known` holds are known: what is left of an error when the others cannot make up for it. Theirs are infinite.
-    pub fn nominal_errors_knowing(&self, is_known: impl Fn(usize) -> bool) -> Vec<f64> {
+    pub(crate) fn nominal_errors_knowing(&self, is_known: impl Fn(usize) -> bool) -> Vec<f64> {
         let Some((moving, inverse)) = self.inverse_knowing(is_known) else {
             return vec![f64::INFINITY; self.free.len()];
         };
@@ -486,6 +486,34 @@ mod tests {
         // What promised nothing and gained something kept its promise.
         assert_eq!(eased(1.0, f64::INFINITY), 0.1);
         assert_eq!(eased(1.0, f64::NAN), 0.1);
+    }
+
+    /// Two constants with the correlation r: each is known √(1 − r²) times as far where the other is.
+    #[test]
+    fn an_error_is_smaller_where_what_does_the_same_is_known() {
+        let r: f64 = 0.8;
+        let fit = Fit {
+            theta: vec![0.0; 3],
+            free: vec![0, 2],
+            states: Vec::new(),
+            sigma: Vec::new(),
+            squares: Vec::new(),
+            gradients: Vec::new(),
+            information: DMatrix::from_row_slice(2, 2, &[1.0, r, r, 1.0]),
+            loss: 0.0,
+            stretch: 0.0,
+            determined: Vec::new(),
+            converged: true,
+            gained: 0.0,
+        };
+        let both = fit.nominal_errors();
+        let first = fit.nominal_errors_knowing(|i| i == 2);
+        assert!((first[0] - 1.0).abs() < 1e-12, "{first:?}");
+        assert!(
+            (both[0] * (1.0 - r * r).sqrt() - 1.0).abs() < 1e-12,
+            "{both:?}"
+        );
+        assert_eq!(first[1], f64::INFINITY);
     }
 
     /// A mean of n numbers x: S_w = 1, g_w = x_w − mean. Without x_w it is the mean less g_w / (n − 1), and the spread of these about it is the

@@ -85,18 +85,20 @@ fn a_tilted_rail_is_a_force_on_the_cart_beside_another_zero_of_the_pole() {
     assert_eq!(found.verdict, Verdict::EffectsFound, "{:?}", found.effects);
     let size = |kinds: &[&str], on_the_pole: bool| {
         let is = |e: &&NamedEffect| kinds.contains(&&*e.kind) && (e.target == "phi") == on_the_pole;
-        let value = |e: &NamedEffect| e.parameters.values().next().unwrap().value;
-        let found = found.effects.iter().find(is);
-        found.map(value)
+        let found = found.effects.iter().find(is)?;
+        let size = found.parameters.values().next().unwrap();
+        Some((size.value, size.std.unwrap()))
     };
     let close = |found: f64, truth: f64, within: f64| {
         assert!((found / truth - 1.0).abs() < within, "{found} {truth}");
     };
-    let pull = size(&["constant_force", "input_offset"], false);
-    close(pull.unwrap(), -(CART + POLE) * GRAVITY * TILT.sin(), 0.02);
+    let (pull, std) = size(&["constant_force", "input_offset"], false).unwrap();
+    let weight = (CART + POLE) * GRAVITY * TILT.sin();
+    close(pull, -weight, 0.02);
+    assert!((pull + weight).abs() < 4.0 * std, "{pull} {std}");
     // What is left is that the cart does not pull along the level: a part of the zero may be called a torque, for which it is much the same.
-    let zero = size(&["sensor_offset"], true).unwrap();
-    let torque = size(&["constant_force"], true).unwrap_or(0.0);
+    let (zero, _) = size(&["sensor_offset"], true).unwrap();
+    let (torque, _) = size(&["constant_force"], true).unwrap_or_default();
     close(zero + torque / (POLE * GRAVITY * LENGTH), -TILT, 0.04);
     assert!(found.gap.after < 0.1 * found.gap.before, "{:?}", found.gap);
 }
