@@ -83,8 +83,8 @@ mod tests {
         }
         // An error that is exact takes nothing over.
         let (mut hybrid, theta) = with(&late);
-        let error = hybrid.range(1).start;
-        hybrid.constants_mut()[error].tolerance = 0.0;
+        let error = hybrid.constants_mut().last_mut();
+        error.unwrap().tolerance = 0.0;
         assert_eq!(hybrid.settled(theta.clone()), theta);
         // Behind a dead zone a gain is no gain of what comes before it; without an error there is nothing to take over.
         for other in [
