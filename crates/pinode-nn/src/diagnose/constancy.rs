@@ -20,10 +20,12 @@ const FEWEST: usize = 16;
 /// The constant of the found model that changes most clearly over the windows it was fitted to, if one does: beside a network where it was fitted there, else
 /// without.
 pub fn change(study: &Study, search: &Search, inputs: &[String]) -> Option<Change> {
-    let (whole, model) = (search.whole(), &search.model);
-    let held = |i: &usize| !whole.inside.free.contains(i);
-    let beside = shifts(study, whole, |_| true, inputs);
-    let found = beside.chain(shifts(study, model, held, inputs));
+    let found = shifts(study, search.whole(), |_| true, inputs);
+    let held = search.taught.as_ref().map(|taught| {
+        let is_held = |i: &usize| !taught.inside.free.contains(i);
+        shifts(study, &search.model, is_held, inputs)
+    });
+    let found = found.chain(held.into_iter().flatten());
     found.max_by(|a, b| a.statistic.total_cmp(&b.statistic))
 }
 
