@@ -7,6 +7,7 @@ use std::array::from_fn;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::Scalar;
+use crate::elementary::{exp, sin_cos, tanh};
 
 /// How many states are evaluated at once.
 pub const LANES: usize = 8;
@@ -31,7 +32,7 @@ impl<const FUSED: bool> From<Single<FUSED>> for Lanes<FUSED> {
 
 /// x · y + z.
 #[inline(always)]
-fn fuse<const FUSED: bool>(x: f64, y: f64, z: f64) -> f64 {
+pub(crate) fn fuse<const FUSED: bool>(x: f64, y: f64, z: f64) -> f64 {
     if FUSED { x.mul_add(y, z) } else { x * y + z }
 }
 
@@ -127,6 +128,12 @@ impl<const F: bool> Lanes<F> {
     fn sin_cos_by_library(self) -> (Self, Self) {
         (self.each(f64::sin), self.each(f64::cos))
     }
+
+    #[cold]
+    #[inline(never)]
+    fn exp_by_library(self) -> Self {
+        self.each(f64::exp)
+    }
 }
 
 impl<const F: bool> Scalar for Single<F> {
@@ -182,9 +189,22 @@ impl<const F: bool> Scalar for Lanes<F> {
     fn re(self) -> f64 {
         self.0[0]
     }
-    functions!(
-        sin, cos, tan, asin, acos, atan, sinh, cosh, tanh, exp, ln, sqrt, abs
-    );
+    functions!(sin, cos, tan, asin, acos, atan, sinh, cosh, ln, sqrt, abs);
+    #[inline(always)]
+    fn exp(self) -> Self {
+        // NaN takes the other way, too.
+        match F && self.0.iter().fold(true, |small, x| small & (*x < 709.0)) {
+            true => Lanes(exp::<F>(&self.0)),
+            false => self.exp_by_library(),
+        }
+    }
+    #[inline(always)]
+    fn tanh(self) -> Self {
+        match F {
+            true => Lanes(tanh::<F>(&self.0)),
+            false => self.each(f64::tanh),
+        }
+    }
     #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
         // The reduction is exact enough below 1e5 and needs the fused product; NaN takes the other way, too.
@@ -216,6 +236,7 @@ impl<const F: bool> Scalar for Lanes<F> {
         power
     }
     // The choices of `Scalar`, lane by lane.
+    #[inline(always)]
     fn sign(self) -> Self {
         self.each(Scalar::sign)
     }
@@ -246,75 +267,6 @@ impl<const F: bool> Scalar for Lanes<F> {
     }
 }
 
-/// π/2 as a sum of three numbers.
-const HALF_PI: [f64; 3] = [
-    std::f64::consts::FRAC_PI_2,
-    6.123_233_995_736_766e-17,
-    -1.497_384_904_859_17e-33,
-];
-/// Minimax coefficients of (sin r − r)/r³ in r², on |r| ≤ π/4 (those of FDLIBM).
-const SINE: [f64; 6] = [
-    -0.166_666_666_666_666_32,
-    0.008_333_333_333_322_49,
-    -0.000_198_412_698_298_579_5,
-    2.755_731_370_707_006_8e-6,
-    -2.505_076_025_340_686_3e-8,
-    1.589_690_995_211_55e-10,
-];
-/// Minimax coefficients of (cos r − 1 + r²/2)/r⁴ in r², on |r| ≤ π/4 (those of FDLIBM).
-const COSINE: [f64; 6] = [
-    4.166_666_666_666_66e-2,
-    -1.388_888_888_887_411e-3,
-    2.480_158_728_947_673e-5,
-    -2.755_731_435_139_066_3e-7,
-    2.087_572_321_298_175e-9,
-    -1.135_964_755_778_819_5e-11,
-];
-
-/// Sines and cosines of |x| < 1e5, to 1.5 units in the last place.
-///
-/// x = k π/2 + r with |r| ≤ π/4 (Cody and Waite, with fused products), then polynomials in r², chosen and signed by k mod 4.
-#[inline(always)]
-fn sin_cos<const F: bool>(x: &[f64; LANES]) -> ([f64; LANES], [f64; LANES]) {
-    /// Adding this to |y| < 2⁵¹ leaves y, rounded, in the last bits.
-    const ROUND: f64 = 6_755_399_441_055_744.0;
-    let shifted: [f64; LANES] = from_fn(|i| fuse::<F>(x[i], std::f64::consts::FRAC_2_PI, ROUND));
-    let k: [f64; LANES] = from_fn(|i| shifted[i] - ROUND);
-    let r: [f64; LANES] = from_fn(|i| fuse::<F>(-k[i], HALF_PI[0], x[i]));
-    let r: [f64; LANES] = from_fn(|i| fuse::<F>(-k[i], HALF_PI[1], r[i]));
-    let r: [f64; LANES] = from_fn(|i| fuse::<F>(-k[i], HALF_PI[2], r[i]));
-    let z: [f64; LANES] = from_fn(|i| r[i] * r[i]);
-    let polynomial = |c: &[f64; 6]| -> [f64; LANES] {
-        from_fn(|i| {
-            let high = fuse::<F>(z[i], fuse::<F>(z[i], c[5], c[4]), c[3]);
-            fuse::<F>(
-                z[i],
-                fuse::<F>(z[i], fuse::<F>(z[i], high, c[2]), c[1]),
-                c[0],
-            )
-        })
-    };
-    let (p, c) = (polynomial(&SINE), polynomial(&COSINE));
-    let sine: [f64; LANES] = from_fn(|i| fuse::<F>(r[i] * z[i], p[i], r[i]));
-    let cosine: [f64; LANES] = from_fn(|i| {
-        let half = 0.5 * z[i];
-        let w = 1.0 - half;
-        w + fuse::<F>(z[i] * z[i], c[i], (1.0 - w) - half)
-    });
-    let quadrant = |i: usize| shifted[i].to_bits();
-    let flip = |x: f64, by: u64| f64::from_bits(x.to_bits() ^ (by << 63));
-    let sin = from_fn(|i| {
-        let odd = quadrant(i) & 1 == 1;
-        flip(if odd { cosine[i] } else { sine[i] }, quadrant(i) >> 1 & 1)
-    });
-    let cos = from_fn(|i| {
-        let odd = quadrant(i) & 1 == 1;
-        let negative = (quadrant(i) + 1) >> 1 & 1;
-        flip(if odd { sine[i] } else { cosine[i] }, negative)
-    });
-    (sin, cos)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -339,6 +291,45 @@ mod tests {
             }
         }
         assert!(worst < 4.0 * f64::EPSILON, "{worst:e}");
+    }
+
+    #[test]
+    fn lanes_of_exponentials_are_those_of_the_library_to_rounding() {
+        let (mut worst, mut worst_of_tanh) = (0.0_f64, 0.0_f64);
+        for k in 0..200_000 {
+            let x: [f64; LANES] = from_fn(|i| {
+                let n = (f64::from(k) * 8.0 + i as f64) * 0.618;
+                match k % 4 {
+                    0 => 3.0 * n.sin(),
+                    1 => 700.0 * n.sin(),
+                    2 => 1e-6 * n.sin(),
+                    _ => 25.0 * n.sin(),
+                }
+            });
+            let (exp, tanh) = (Lanes::<true>(x).exp(), Lanes::<true>(x).tanh());
+            let error = |found: f64, exact: f64| (found - exact).abs() / exact.abs().max(1e-300);
+            for (x, (exp, tanh)) in x.iter().zip(exp.0.into_iter().zip(tanh.0)) {
+                worst = worst.max(error(exp, x.exp()));
+                worst_of_tanh = worst_of_tanh.max(error(tanh, x.tanh()));
+            }
+        }
+        assert!(worst < 2.0 * f64::EPSILON, "{worst:e}");
+        assert!(worst_of_tanh < 3.0 * f64::EPSILON, "{worst_of_tanh:e}");
+    }
+
+    #[test]
+    fn exponentials_of_large_numbers_and_of_no_numbers_are_those_of_the_library() {
+        let x = [-1e9, -709.0, 0.0, -0.0, f64::NEG_INFINITY, 1.0, 20.0, 21.0];
+        let (exp, tanh) = (Lanes::<true>(x).exp().0, Lanes::<true>(x).tanh().0);
+        assert_eq!([exp[0], exp[2], exp[3], exp[4]], [0.0, 1.0, 1.0, 0.0]);
+        assert!(exp[1] < 1e-300);
+        assert_eq!([tanh[0], tanh[4], tanh[6], tanh[7]], [-1.0, -1.0, 1.0, 1.0]);
+        assert!(tanh[2].is_sign_positive() && tanh[3].is_sign_negative() && tanh[3] == 0.0);
+        let mut large = x;
+        (large[5], large[7]) = (f64::NAN, 800.0);
+        let (exp, tanh) = (Lanes::<true>(large).exp().0, Lanes::<true>(large).tanh().0);
+        assert!(exp[5].is_nan() && exp[7] == f64::INFINITY && exp[6] == 20.0_f64.exp());
+        assert!(tanh[5].is_nan() && tanh[7] == 1.0);
     }
 
     #[test]

@@ -115,6 +115,7 @@
 //! | poses and Jacobians of links, centre of mass | [`mechanism::Tree`] |
 //! | eight states at once: M, C, G, bias, both dynamics, their derivatives and gradients | [`forward_dynamics_lanes_into`](Mechanics::forward_dynamics_lanes_into) and its like |
 //! | M, C and G as formulas or as code | [`Formulas`] |
+//! | a function of your own, such as a force law, as a program with its derivatives | [`Recorded`] |
 //!
 //! A URDF's equations are found joint by joint, at a cost that grows with the number of joints (forces, accelerations) or with it times
 //! their depth (matrices), with the instructions of the processor at hand. Energies in text or in Rust are traced to programs where
@@ -134,6 +135,7 @@
 //! and the regressor have no such call.
 pub mod constraint;
 mod dynamics;
+mod elementary;
 pub mod equations;
 mod error;
 mod expression;
@@ -161,5 +163,5 @@ pub use lanes::{LANES, Lanes};
 pub use mechanics::Mechanics;
 pub use scalar::Scalar;
 pub use text::{Field, TextLagrangian, TextProblem, TextSource};
-pub use trace::{Formulas, FormulasError, Style, Written};
+pub use trace::{Formulas, FormulasError, Recorded, RecordedMemory, Style, Traced, Written};
 pub use tree::INERTIAL_PARAMETERS;

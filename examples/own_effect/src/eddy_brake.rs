@@ -11,7 +11,7 @@ use pinode_nn::effect::{
 struct EddyBrake;
 
 impl ForceLaw for EddyBrake {
-    fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], _smoothing: f64) -> D {
+    fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], _smoothing: D) -> D {
         let ratio = v / p[1];
         -p[0] * v / (ratio * ratio + 1.0)
     }

@@ -7,7 +7,7 @@ use super::graph::{Graph, Id, Node};
 use super::program::Program;
 use super::traced::{Traced, trace, variable};
 use crate::lanes::{LANES, Lanes};
-use crate::processor::{Processor, Task};
+use crate::processor::Processor;
 use crate::{InverseDynamicsDerivatives, Lagrangian, Scalar};
 
 /// A graph larger than this is given up.
@@ -85,18 +85,6 @@ pub(crate) struct Arguments<'a, T = f64> {
 /// The registers of the programs for eight states, one program's at a time; they grow when they are first asked for.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct LaneRegisters(Vec<Lanes<true>>);
-
-struct RunLanes<'a> {
-    program: &'a Program,
-    lanes: &'a mut [Lanes<true>],
-}
-
-impl Task for RunLanes<'_> {
-    #[inline(always)]
-    fn run<const F: bool>(self) {
-        self.program.run_lanes::<F>(self.lanes);
-    }
-}
 
 impl Compiled {
     /// Compiles the equations; `None` when the energies branch on their arguments or the programs grow too long.
@@ -244,7 +232,7 @@ impl Compiled {
         for (to, from) in lanes[3 * n..].iter_mut().zip(at.p) {
             *to = Lanes::constant(*from);
         }
-        processor.run(RunLanes { program, lanes });
+        program.run_on(processor, lanes);
     }
 
     pub fn registers(&self) -> Registers {

@@ -11,6 +11,7 @@ mod derivative;
 mod formulas;
 mod graph;
 mod program;
+mod recorded;
 mod traced;
 
 pub(crate) use compiled::{
@@ -19,3 +20,5 @@ pub(crate) use compiled::{
 pub use formulas::{Formulas, FormulasError, Style, Written};
 pub(crate) use graph::{Graph, Id, Node};
 pub(crate) use program::Program;
+pub use recorded::{Recorded, RecordedMemory};
+pub use traced::Traced;

@@ -5,6 +5,7 @@ use super::graph::{Graph, Id, Node};
 use crate::Scalar;
 use crate::expression::{Binary, Unary};
 use crate::lanes::{LANES, Lanes};
+use crate::processor::{Processor, Task};
 
 /// Straight-line code. Registers: the inputs, the constants, then one result an instruction.
 ///
@@ -104,6 +105,11 @@ impl Program {
         }
     }
 
+    /// Number of inputs.
+    pub fn inputs(&self) -> usize {
+        self.inputs
+    }
+
     /// Number of instructions.
     pub fn len(&self) -> usize {
         self.operands.len()
@@ -161,8 +167,13 @@ impl Program {
     }
 
     /// Runs the program on eight states at once, from inputs that stand in the first registers of `lanes`; writes the constants, too.
+    pub fn run_on(&self, processor: Processor, lanes: &mut [Lanes<true>]) {
+        let program = self;
+        processor.run(RunLanes { program, lanes });
+    }
+
     #[inline(always)]
-    pub fn run_lanes<const F: bool>(&self, lanes: &mut [Lanes<true>]) {
+    fn run_lanes<const F: bool>(&self, lanes: &mut [Lanes<true>]) {
         let mut to = self.inputs;
         for constant in &self.constants {
             lanes[to] = Lanes::constant(*constant);
@@ -181,15 +192,30 @@ impl Program {
                     }
                 };
             }
+            // The commonest, number by number: in builds for tests the operators of lanes are no vectors.
+            macro_rules! arithmetic {
+                ($symbol:tt) => {
+                    for (k, &[a, b]) in operands.iter().enumerate() {
+                        let (a, b) = (lanes[a as usize].0, lanes[b as usize].0);
+                        for ((to, a), b) in lanes[to + k].0.iter_mut().zip(a).zip(b) {
+                            *to = a $symbol b;
+                        }
+                    }
+                };
+            }
             match run.kind {
-                Kind::Add => each!(x = |a, b| a + b),
-                Kind::Subtract => each!(x = |a, b| a - b),
-                Kind::Multiply => each!(x = |a, b| a * b),
-                Kind::Divide => each!(x = |a, b| a / b),
+                Kind::Add => arithmetic!(+),
+                Kind::Subtract => arithmetic!(-),
+                Kind::Multiply => arithmetic!(*),
+                Kind::Divide => arithmetic!(/),
                 Kind::Negate => each!(x = |a, _b| -a),
                 Kind::One(Unary::Sin) => each!(x = |a, _b| a.sin_cos().0),
                 Kind::One(Unary::Cos) => each!(x = |a, _b| a.sin_cos().1),
                 Kind::One(Unary::Sqrt) => each!(x = |a, _b| a.sqrt()),
+                Kind::One(Unary::Abs) => each!(x = |a, _b| a.abs()),
+                Kind::One(Unary::Sign) => each!(x = |a, _b| a.sign()),
+                Kind::One(Unary::Exp) => each!(x = |a, _b| a.exp()),
+                Kind::One(Unary::Tanh) => each!(x = |a, _b| a.tanh()),
                 Kind::One(f) => each!(x = |a, _b| one_by_library(f, a)),
                 Kind::Two(f) => each!(x = |a, b| two_by_library(f, a, b)),
                 Kind::Powi => {
@@ -204,7 +230,7 @@ impl Program {
         }
     }
 
-    /// The outputs of the last [`run_lanes`](Self::run_lanes), in the order they were asked for.
+    /// The outputs of the last [`run_on`](Self::run_on), in the order they were asked for.
     pub fn lane_outputs<'a>(
         &'a self,
         lanes: &'a [Lanes<true>],
@@ -215,6 +241,18 @@ impl Program {
     /// The outputs of the last [`run`](Self::run), in the order they were asked for.
     pub fn outputs<'a>(&'a self, registers: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         self.outputs.iter().map(|&o| registers[o as usize])
+    }
+}
+
+struct RunLanes<'a> {
+    program: &'a Program,
+    lanes: &'a mut [Lanes<true>],
+}
+
+impl Task for RunLanes<'_> {
+    #[inline(always)]
+    fn run<const F: bool>(self) {
+        self.program.run_lanes::<F>(self.lanes);
     }
 }
 

@@ -11,9 +11,9 @@ thread_local! {
     static GRAPH: RefCell<Graph> = RefCell::new(Graph::default());
 }
 
-/// A node of this thread's graph.
+/// A number that is not computed but written down, in the graph of this thread: what a function over [`Scalar`] is [recorded](crate::Recorded) by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Traced(pub Id);
+pub struct Traced(pub(crate) Id);
 
 /// Runs `record` on a fresh graph of this thread; returns the graph and what `record` returned.
 pub fn trace<T>(record: impl FnOnce() -> T) -> (Graph, T) {

@@ -15,7 +15,7 @@ use super::{
 struct AsymmetricCoulomb;
 
 impl ForceLaw for AsymmetricCoulomb {
-    fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], smoothing: f64) -> D {
+    fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], smoothing: D) -> D {
         let s = smooth_sign(v, smoothing);
         -(p[0] + p[1]) * s * 0.5 - (p[0] - p[1]) * s * s * 0.5
     }

@@ -10,11 +10,8 @@ use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Probe, 
 struct AsymmetricViscous;
 
 impl ForceLaw for AsymmetricViscous {
-    fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], _smoothing: f64) -> D {
-        match v.re() > 0.0 {
-            true => -p[0] * v,
-            false => -p[1] * v,
-        }
+    fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], _smoothing: D) -> D {
+        -((p[0] + p[1]) * v + (p[0] - p[1]) * v.abs()) * 0.5
     }
 }
 

@@ -24,14 +24,12 @@ const DAMPING: f64 = 1.2 * 400.0 * MOTOR;
 struct Backlash;
 
 /// x kept within ±w, by absolute values, which lanes know.
-#[inline(always)]
 fn within<D: Scalar>(x: D, w: D) -> D {
     ((x + w).abs() - (x - w).abs()) * 0.5
 }
 
 /// 0 below −w, (x + w)²/(4 w), x above w. A rounding that goes on for ever, as ½ (x + √(x² + w²)), would drive the motor to the middle of
 /// its play with k w²/(4 x), as strongly as friction where the teeth are hard.
-#[inline(always)]
 fn beyond<D: Scalar>(x: D, w: D) -> D {
     let corner = within(x, w) + w;
     let above = ((x - w).abs() + x - w) * 0.5;
@@ -39,19 +37,16 @@ fn beyond<D: Scalar>(x: D, w: D) -> D {
 }
 
 /// Its derivative in x.
-#[inline(always)]
 fn touching<D: Scalar>(x: D, w: D) -> D {
     (within(x, w) / w + 1.0) * 0.5
 }
 
 /// Over what way the corners at half the `gap` are rounded.
-#[inline(always)]
 fn rounding<D: Scalar>(gap: D) -> D {
     gap * 0.04 + 1e-9
 }
 
 /// T.
-#[inline(always)]
 fn pull<D: Scalar>(seen: &Seen<'_, D>, p: &[D]) -> D {
     let (gap, e) = (p[0] * 0.5, seen.h[0]);
     let w = rounding(gap);
@@ -77,15 +72,10 @@ impl MemoryLaw for Backlash {
     fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool {
         p[0] > LEAST_GAP * scales.noise
     }
-    fn takes_lanes(&self) -> bool {
-        true
-    }
-    #[inline(always)]
-    fn force<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64) -> D {
+    fn force<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: D) -> D {
         pull(seen, p)
     }
-    #[inline(always)]
-    fn rate<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64, rate: &mut [D]) {
+    fn rate<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: D, rate: &mut [D]) {
         rate[0] = seen.h[1] - seen.v;
         rate[1] = (seen.f - pull(seen, p)) / p[INERTIA];
     }

@@ -12,7 +12,7 @@ use super::{
 struct ConstantForce;
 
 impl ForceLaw for ConstantForce {
-    fn force<D: Scalar>(&self, _q: D, _v: D, p: &[D], _smoothing: f64) -> D {
+    fn force<D: Scalar>(&self, _q: D, _v: D, p: &[D], _smoothing: D) -> D {
         p[0]
     }
 }

@@ -13,7 +13,7 @@ use super::{
 struct Coulomb;
 
 impl ForceLaw for Coulomb {
-    fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], smoothing: f64) -> D {
+    fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], smoothing: D) -> D {
         -p[0] * smooth_sign(v, smoothing)
     }
 

@@ -11,7 +11,7 @@ use super::{
 struct CubicSpring;
 
 impl ForceLaw for CubicSpring {
-    fn force<D: Scalar>(&self, q: D, _v: D, p: &[D], _smoothing: f64) -> D {
+    fn force<D: Scalar>(&self, q: D, _v: D, p: &[D], _smoothing: D) -> D {
         -p[0] * q * q * q
     }
 }

@@ -17,15 +17,10 @@ impl MemoryLaw for Dahl {
     fn states(&self) -> usize {
         1
     }
-    fn takes_lanes(&self) -> bool {
-        true
-    }
-    #[inline(always)]
-    fn force<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64) -> D {
+    fn force<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: D) -> D {
         -p[0] * seen.h[0]
     }
-    #[inline(always)]
-    fn rate<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64, rate: &mut [D]) {
+    fn rate<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: D, rate: &mut [D]) {
         rate[0] = seen.v - p[0] * seen.h[0] * seen.v.abs() / p[1];
     }
     fn start(&self, _v: f64, _f: f64, _p: &[f64], h: &mut [f64]) {

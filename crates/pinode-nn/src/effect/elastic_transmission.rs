@@ -15,7 +15,6 @@ use super::{
 struct Elastic;
 
 /// T.
-#[inline(always)]
 fn pull<D: Scalar>(seen: &Seen<'_, D>, p: &[D]) -> D {
     p[0] * seen.h[0] + p[1] * (seen.h[1] - seen.v)
 }
@@ -24,15 +23,10 @@ impl MemoryLaw for Elastic {
     fn states(&self) -> usize {
         2
     }
-    fn takes_lanes(&self) -> bool {
-        true
-    }
-    #[inline(always)]
-    fn force<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64) -> D {
+    fn force<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: D) -> D {
         pull(seen, p)
     }
-    #[inline(always)]
-    fn rate<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64, rate: &mut [D]) {
+    fn rate<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: D, rate: &mut [D]) {
         rate[0] = seen.h[1] - seen.v;
         rate[1] = (seen.f - pull(seen, p)) / p[2];
     }

@@ -38,22 +38,18 @@ const LASTING: [f64; 2] = [1.0, 4.0];
 /// ζ of which a restitution is looked for, on a logarithmic scale: e = 0.99 to 0.12.
 const DAMPED: (f64, f64) = (3e-3, 100.0);
 
-/// The force of the stop on what is `depth` in it and goes on with `rate`, at least 0.
+/// Added to a force that may be 0, and divides 0.
+const NOT_ZERO: f64 = 1e-300;
+
+/// The force of the stop on what is `depth` in it, or less than nothing, and goes on with `rate`, at least 0.
 fn push<D: Scalar>(depth: D, rate: D, stiffness: D, damping: D) -> D {
     // NaN goes on to where it is seen.
-    if depth.re() <= 0.0 {
-        return D::zero();
-    }
-    let (spring, damper) = (stiffness * depth, damping * rate);
-    let size = spring + damper.abs();
-    if size.re() == 0.0 {
-        return spring;
-    }
-    spring + spring * damper / size
+    let (spring, damper) = (stiffness * depth.max(D::zero()), damping * rate);
+    spring + spring * damper / (spring + damper.abs() + NOT_ZERO)
 }
 
 impl ForceLaw for EndStop {
-    fn force<D: Scalar>(&self, q: D, v: D, p: &[D], _smoothing: f64) -> D {
+    fn force<D: Scalar>(&self, q: D, v: D, p: &[D], _smoothing: D) -> D {
         push(p[0] - q, -v, p[2], p[3]) - push(q - p[1], v, p[2], p[3])
     }
 

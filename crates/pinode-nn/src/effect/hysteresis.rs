@@ -16,15 +16,10 @@ impl MemoryLaw for Hysteresis {
     fn states(&self) -> usize {
         1
     }
-    fn takes_lanes(&self) -> bool {
-        true
-    }
-    #[inline(always)]
-    fn force<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64) -> D {
+    fn force<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: D) -> D {
         -p[0] * seen.h[0]
     }
-    #[inline(always)]
-    fn rate<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64, rate: &mut [D]) {
+    fn rate<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: D, rate: &mut [D]) {
         // ½ (1 + sgn(v z)): 1 where it slips, 0 else, also at v z = 0.
         let slips = (-(seen.v * seen.h[0])).sign() * -0.5 + 0.5;
         let r = seen.h[0] / p[1];

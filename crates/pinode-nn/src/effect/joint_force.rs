@@ -1,23 +1,19 @@
 //! Forces on one coordinate, with exact derivatives.
 
 use integrators::event::Direction;
-use lagrange::{LANES, Lanes, Scalar};
-use pulp::NullaryFnOnce;
+use lagrange::{Scalar, Traced};
 
 use super::Scales;
 use super::dual::Dual;
-use crate::processor::Processor;
 
 /// A force law written over the scalar: Q_j = force(q_j, v_j; p), on the right-hand side of M v̇ + C v + G = Q.
+///
+/// It is recorded once and run as a program, with its derivatives and on eight states at once. A law that asks for the value of a number
+/// ([`Scalar::re`]) to decide by it has no record: it is evaluated on dual numbers, state by state, which takes several times as long. What depends on a
+/// direction can be written by `abs` and `sign`.
 pub trait ForceLaw: Send + Sync + 'static {
     /// The generalized force, N or N·m. `smoothing` is the velocity over which a sign change of friction is spread, m/s or rad/s.
-    fn force<D: Scalar>(&self, q: D, v: D, p: &[D], smoothing: f64) -> D;
-
-    /// Whether the force is evaluated for eight states at once, as sines are fast: the law never decides by a number, see
-    /// [`MemoryLaw::takes_lanes`](super::MemoryLaw::takes_lanes). `false` unless a law says otherwise.
-    fn takes_lanes(&self) -> bool {
-        false
-    }
+    fn force<D: Scalar>(&self, q: D, v: D, p: &[D], smoothing: D) -> D;
 
     /// Whether its parameters make it what it is called, in a motion of these scales: beyond, it does what another kind is the name of. `true` unless
     /// a law says otherwise.
@@ -71,8 +67,7 @@ pub trait RigidStop: Send + Sync {
 }
 
 /// sgn(v) spread over `smoothing`: tanh(v / smoothing).
-#[inline(always)]
-pub fn smooth_sign<D: Scalar>(v: D, smoothing: f64) -> D {
+pub fn smooth_sign<D: Scalar>(v: D, smoothing: D) -> D {
     (v / smoothing).tanh()
 }
 
@@ -91,7 +86,7 @@ pub struct JointForceDerivatives {
 pub trait JointForce: Send + Sync {
     /// Q_j(q_j, v_j; p).
     fn force(&self, q: f64, v: f64, p: &[f64], smoothing: f64) -> f64;
-    /// Q_j and its derivatives; `by_p` is as long as `p`.
+    /// Q_j and its derivatives, by dual numbers; `by_p` is as long as `p`.
     fn derivatives(
         &self,
         q: f64,
@@ -100,45 +95,8 @@ pub trait JointForce: Send + Sync {
         smoothing: f64,
         by_p: &mut [f64],
     ) -> JointForceDerivatives;
-    /// Q_j of eight states.
-    fn force_of_eight(
-        &self,
-        q: &[f64; LANES],
-        v: &[f64; LANES],
-        p: &[f64],
-        smoothing: f64,
-    ) -> [f64; LANES];
-    /// (Q_j, ∂Q_j/∂v_j) of eight states.
-    fn slopes_of_eight(
-        &self,
-        q: &[f64; LANES],
-        v: &[f64; LANES],
-        p: &[f64],
-        smoothing: f64,
-    ) -> [[f64; LANES]; 2];
-    /// (Q_j, ∂Q_j/∂q_j, ∂Q_j/∂v_j) of eight states, and the derivatives in the parameters; `by_p` is as long as `p`.
-    fn derivatives_of_eight(
-        &self,
-        q: &[f64; LANES],
-        v: &[f64; LANES],
-        p: &[f64],
-        smoothing: f64,
-        by_p: &mut [[f64; LANES]],
-    ) -> [[f64; LANES]; 3] {
-        let mut out = [[0.0; LANES]; 3];
-        let mut own = [0.0; MOST_PARAMETERS];
-        let own = &mut own[..p.len()];
-        for lane in 0..LANES {
-            let at = self.derivatives(q[lane], v[lane], p, smoothing, own);
-            for (to, from) in out.iter_mut().zip([at.force, at.by_q, at.by_v]) {
-                to[lane] = from;
-            }
-            for (to, from) in by_p.iter_mut().zip(&*own) {
-                to[lane] = *from;
-            }
-        }
-        out
-    }
+    /// Writes down Q_j of (q, v, f, p …, smoothing); of the force f of the inputs it does not depend.
+    fn record(&self, arguments: &[Traced]) -> Vec<Traced>;
     /// See [`ForceLaw::is_itself`].
     fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool;
     /// See [`ForceLaw::normalise`].
@@ -149,7 +107,7 @@ pub trait JointForce: Send + Sync {
     fn stop(&self) -> Option<&dyn RigidStop>;
 }
 
-/// Makes a [`JointForce`] of a [`ForceLaw`]: derivatives by dual numbers.
+/// Makes a [`JointForce`] of a [`ForceLaw`].
 pub struct OnCoordinate<L>(pub L);
 
 /// No law has more parameters.
@@ -174,37 +132,13 @@ fn gradient<L: ForceLaw, const N: usize>(
         Dual::variable(q, 0),
         Dual::variable(v, 1),
         lifted,
-        smoothing,
+        Dual::constant(smoothing),
     );
     by_p.copy_from_slice(&force.eps[2..2 + by_p.len()]);
     JointForceDerivatives {
         force: force.re,
         by_q: force.eps[0],
         by_v: force.eps[1],
-    }
-}
-
-/// The force at eight states, by numbers with as many lanes.
-struct ForceOfEight<'a, L> {
-    law: &'a L,
-    /// q and v.
-    at: [&'a [f64; LANES]; 2],
-    p: &'a [f64],
-    smoothing: f64,
-}
-
-impl<L: ForceLaw> NullaryFnOnce for ForceOfEight<'_, L> {
-    type Output = [f64; LANES];
-
-    #[inline(always)]
-    fn call(self) -> [f64; LANES] {
-        let mut lifted = [Lanes::<false>::constant(0.0); MOST_PARAMETERS];
-        let lifted = &mut lifted[..self.p.len()];
-        for (lanes, &value) in lifted.iter_mut().zip(self.p) {
-            *lanes = Lanes::constant(value);
-        }
-        let [q, v] = self.at.map(|x| Lanes(*x));
-        self.law.force(q, v, lifted, self.smoothing).0
     }
 }
 
@@ -223,50 +157,16 @@ impl<L: ForceLaw> JointForce for OnCoordinate<L> {
     ) -> JointForceDerivatives {
         // Numbers as short as hold the derivatives.
         match p.len() {
-            0..=2 => gradient::<L, 4>(&self.0, [q, v], p, smoothing, by_p),
-            3..=4 => gradient::<L, 6>(&self.0, [q, v], p, smoothing, by_p),
+            0..=4 => gradient::<L, 6>(&self.0, [q, v], p, smoothing, by_p),
             _ => gradient::<L, MOST_VARIABLES>(&self.0, [q, v], p, smoothing, by_p),
         }
     }
 
-    fn force_of_eight(
-        &self,
-        q: &[f64; LANES],
-        v: &[f64; LANES],
-        p: &[f64],
-        smoothing: f64,
-    ) -> [f64; LANES] {
-        if !self.0.takes_lanes() {
-            return std::array::from_fn(|lane| self.force(q[lane], v[lane], p, smoothing));
-        }
-        let law = &self.0;
-        Processor::here().run(ForceOfEight {
-            law,
-            at: [q, v],
-            p,
-            smoothing,
-        })
-    }
-
-    fn slopes_of_eight(
-        &self,
-        q: &[f64; LANES],
-        v: &[f64; LANES],
-        p: &[f64],
-        smoothing: f64,
-    ) -> [[f64; LANES]; 2] {
-        let mut lifted = [Dual::<f64, 1>::zero(); MOST_PARAMETERS];
-        let lifted = &mut lifted[..p.len()];
-        for (dual, &value) in lifted.iter_mut().zip(p) {
-            *dual = Dual::constant(value);
-        }
-        let mut out = [[0.0; LANES]; 2];
-        for lane in 0..LANES {
-            let (q, v) = (Dual::constant(q[lane]), Dual::variable(v[lane], 0));
-            let force = self.0.force(q, v, lifted, smoothing);
-            (out[0][lane], out[1][lane]) = (force.re, force.eps[0]);
-        }
-        out
+    fn record(&self, arguments: &[Traced]) -> Vec<Traced> {
+        let [q, v, _, p @ .., smoothing] = arguments else {
+            return Vec::new();
+        };
+        vec![self.0.force(*q, *v, p, *smoothing)]
     }
 
     fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool {

@@ -13,7 +13,7 @@ struct LinearSpring;
 const FARTHEST: f64 = 10.0;
 
 impl ForceLaw for LinearSpring {
-    fn force<D: Scalar>(&self, q: D, _v: D, p: &[D], _smoothing: f64) -> D {
+    fn force<D: Scalar>(&self, q: D, _v: D, p: &[D], _smoothing: D) -> D {
         -p[0] * (q - p[1])
     }
 

@@ -17,15 +17,10 @@ impl MemoryLaw for LoadDependent {
     fn states(&self) -> usize {
         0
     }
-    fn takes_lanes(&self) -> bool {
-        true
-    }
-    #[inline(always)]
-    fn force<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], smoothing: f64) -> D {
+    fn force<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], smoothing: D) -> D {
         -p[0] * seen.f.abs() * smooth_sign(seen.v, smoothing)
     }
-    #[inline(always)]
-    fn rate<D: Scalar>(&self, _: &Seen<'_, D>, _: &[D], _: f64, _: &mut [D]) {}
+    fn rate<D: Scalar>(&self, _: &Seen<'_, D>, _: &[D], _: D, _: &mut [D]) {}
     fn start(&self, _: f64, _: f64, _: &[f64], _: &mut [f64]) {}
     fn spread(&self, _: f64, _: f64, _: &[f64], _: &mut [f64]) {}
     fn fastest(&self, _: f64, _: f64, _: &[f64]) -> f64 {

@@ -15,7 +15,6 @@ use super::{
 struct LuGre;
 
 /// ż.
-#[inline(always)]
 fn bristles<D: Scalar>(seen: &Seen<'_, D>, p: &[D]) -> D {
     let r = seen.v / p[4];
     let g = p[2] + (p[3] - p[2]) * (-r * r).exp();
@@ -26,15 +25,10 @@ impl MemoryLaw for LuGre {
     fn states(&self) -> usize {
         1
     }
-    fn takes_lanes(&self) -> bool {
-        true
-    }
-    #[inline(always)]
-    fn force<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64) -> D {
+    fn force<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: D) -> D {
         -p[0] * seen.h[0] - p[1] * bristles(seen, p)
     }
-    #[inline(always)]
-    fn rate<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: f64, rate: &mut [D]) {
+    fn rate<D: Scalar>(&self, seen: &Seen<'_, D>, p: &[D], _smoothing: D, rate: &mut [D]) {
         rate[0] = bristles(seen, p);
     }
     fn start(&self, _v: f64, _f: f64, _p: &[f64], h: &mut [f64]) {

@@ -18,6 +18,7 @@ mod dual;
 mod inertial;
 mod joint_force;
 mod kind;
+mod law;
 mod memory;
 pub mod registry;
 
@@ -65,6 +66,7 @@ pub use joint_force::{
 pub use kind::{
     Action, ActsOn, Family, Kind, LeftOut, ParameterSpec, Probe, Quantity, Scales, Struck,
 };
+pub(crate) use law::{At, Column, Law, Room};
 pub(crate) use memory::MOST_STATES;
 pub use memory::{MemoryDerivatives, MemoryForce, MemoryLaw, Seen, WithMemory};
 pub use pointwise::{Pointwise, PointwiseLaw};

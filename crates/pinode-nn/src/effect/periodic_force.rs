@@ -12,13 +12,8 @@ use super::{Action, Family, ForceLaw, Kind, OnCoordinate, ParameterSpec, Probe, 
 struct Periodic;
 
 impl ForceLaw for Periodic {
-    #[inline(always)]
-    fn force<D: Scalar>(&self, q: D, _v: D, p: &[D], _smoothing: f64) -> D {
+    fn force<D: Scalar>(&self, q: D, _v: D, p: &[D], _smoothing: D) -> D {
         p[0] * (q / p[1] * TAU + p[2]).sin()
-    }
-
-    fn takes_lanes(&self) -> bool {
-        true
     }
 
     /// A ≥ 0 and 0 ≤ φ < 2π.
@@ -131,16 +126,5 @@ mod tests {
             assert_eq!(phases(&wheel(9.0), n), 2, "{n}");
         }
         assert_eq!(phases(&wheel(1.5), 36.0), 0, "it hardly turns");
-    }
-
-    #[test]
-    fn eight_forces_at_once_are_those_of_the_law_one_by_one() {
-        let law = OnCoordinate(Periodic);
-        let p = [0.4, 0.07, 1.1];
-        let q = std::array::from_fn(|lane| 0.05 * lane as f64 - 0.2);
-        let at_once = law.force_of_eight(&q, &[0.0; lagrange::LANES], &p, 0.01);
-        for (q, force) in q.iter().zip(at_once) {
-            assert!((law.force(*q, 0.0, &p, 0.01) - force).abs() < 1e-13);
-        }
     }
 }

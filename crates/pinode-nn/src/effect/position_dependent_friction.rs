@@ -15,12 +15,10 @@ use super::{
 struct PositionDependent;
 
 impl ForceLaw for PositionDependent {
-    fn force<D: Scalar>(&self, q: D, v: D, p: &[D], smoothing: f64) -> D {
+    fn force<D: Scalar>(&self, q: D, v: D, p: &[D], smoothing: D) -> D {
         let size = p[0] + p[1] * q;
-        match size.re() > 0.0 {
-            true => -size * smooth_sign(v, smoothing),
-            false => size * 0.0,
-        }
+        // The larger one of this and 0.
+        -(size + size.abs()) * 0.5 * smooth_sign(v, smoothing)
     }
 
     fn dry(&self) -> Option<&dyn DryFriction> {

@@ -11,7 +11,7 @@ use super::{
 struct QuadraticDrag;
 
 impl ForceLaw for QuadraticDrag {
-    fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], _smoothing: f64) -> D {
+    fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], _smoothing: D) -> D {
         -p[0] * v.abs() * v
     }
 }

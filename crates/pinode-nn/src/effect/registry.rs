@@ -99,7 +99,7 @@ pub enum RegisterError {
 /// struct CubicDamper;
 ///
 /// impl ForceLaw for CubicDamper {
-///     fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], _smoothing: f64) -> D {
+///     fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], _smoothing: D) -> D {
 ///         -p[0] * v * v * v
 ///     }
 /// }

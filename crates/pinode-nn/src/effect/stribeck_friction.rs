@@ -20,7 +20,7 @@ fn hump<D: Scalar>(v: D, p: &[D]) -> D {
 }
 
 impl ForceLaw for Stribeck {
-    fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], smoothing: f64) -> D {
+    fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], smoothing: D) -> D {
         -hump(v, p) * smooth_sign(v, smoothing)
     }
 

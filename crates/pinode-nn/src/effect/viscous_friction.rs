@@ -12,7 +12,7 @@ use super::{
 struct Viscous;
 
 impl ForceLaw for Viscous {
-    fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], _smoothing: f64) -> D {
+    fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], _smoothing: D) -> D {
         -p[0] * v
     }
 }

@@ -8,7 +8,7 @@ use lagrange::{Mechanics, Role};
 use super::extra::{Extra, Variants};
 use super::sharpness::{LEAST_SLOW, OF_SPEED, SHARPER};
 use super::{Constant, ConstantId, Hybrid, Placed, carrier};
-use crate::effect::{Action, Between, Kind};
+use crate::effect::{Action, Between, Kind, Law};
 use crate::entries::starts;
 use crate::model::{Input, Model, Pushes, Target};
 use crate::motion::Positions;
@@ -156,6 +156,7 @@ impl Hybrid {
             link_forces: vec![None; input_coordinates.len()],
             input_coordinates,
             effects: Vec::new(),
+            laws: Vec::new(),
             ranges: Vec::new(),
             state_ranges: Vec::new(),
             constants,
@@ -202,6 +203,7 @@ impl Hybrid {
             *carried = true;
         }
         self.effects.push(effect);
+        self.laws.push(Law::of(effect.kind));
         self.ranges.push(first..self.constants.len());
         // One that was there before may take from what is known from now on.
         let known = self.known_strength(effect.kind, effect.target);
@@ -239,6 +241,7 @@ impl Hybrid {
     pub fn without(&self, index: usize) -> Self {
         let mut rest = Hybrid {
             effects: Vec::new(),
+            laws: Vec::new(),
             ranges: Vec::new(),
             state_ranges: Vec::new(),
             carried: vec![false; self.carried.len()],

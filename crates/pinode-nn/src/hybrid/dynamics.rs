@@ -8,7 +8,7 @@ use super::extra::{ExtraMemory, RowMemory};
 use super::forces::{By, Of};
 use super::networks::NetworkMemory;
 use super::{DrivenInputs, Hybrid, State};
-use crate::effect::MemoryDerivatives;
+use crate::effect::Room;
 use crate::motion::Momenta;
 
 impl Memory {
@@ -40,8 +40,7 @@ impl Hybrid {
             forces: DMatrix::zeros(n, columns),
             linear: DMatrix::zeros(n + nh, columns),
             accelerations: DMatrix::zeros(n, columns),
-            by_parameter: vec![0.0; 8],
-            with_memory: Box::default(),
+            laws: Room::default(),
             gradient: ForwardDynamicsGradient::zeros(n, self.mechanics_range().len()),
             momenta: Momenta::new(n),
             networks: self.network_memory(),
@@ -176,7 +175,6 @@ impl Hybrid {
             place.map(|k| first_constant + k)
         };
         let linear = &mut memory.linear;
-        let rooms = (memory.by_parameter.as_mut_slice(), &mut *memory.with_memory);
         let at = (state, theta, inputs, step);
         let mut enter = |of, by, derivative: f64| {
             let column = match by {
@@ -192,7 +190,7 @@ impl Hybrid {
                 (_, None) => {}
             }
         };
-        self.each_part(at, &memory.driven, rooms, &mut enter);
+        self.each_part(at, &memory.driven, &mut memory.laws, &mut enter);
         self.network_parts(inputs, step, &mut memory.networks, &mut enter);
         self.link_parts(state.q, inputs, step, &mut memory.links, enter);
         // ∂v̇/∂p = −M⁻¹ ∂ID/∂p.
@@ -274,7 +272,6 @@ impl Hybrid {
                 add_to_theta(index, -of_slot);
             }
         }
-        let rooms = (memory.by_parameter.as_mut_slice(), &mut *memory.with_memory);
         let at = (state, theta, inputs, step);
         let mut enter = |of, in_what, derivative: f64| {
             let weight = match of {
@@ -290,7 +287,7 @@ impl Hybrid {
                 By::Constant(index) => add_to_theta(index, weight * derivative),
             }
         };
-        self.each_part(at, &memory.driven, rooms, &mut enter);
+        self.each_part(at, &memory.driven, &mut memory.laws, &mut enter);
         self.network_parts(inputs, step, &mut memory.networks, &mut enter);
         self.link_parts(state.q, inputs, step, &mut memory.links, enter);
         for (to, by) in [(by_q, &by.by_q), (by_v, &by.by_v)] {
@@ -325,8 +322,7 @@ pub struct Memory {
     pub(super) mechanics: Vec<usize>,
     /// ∂(v̇, ḣ)/∂(q, v, h, θ_free) of the last [`Hybrid::linearize`].
     pub linear: DMatrix<f64>,
-    pub(super) by_parameter: Vec<f64>,
-    pub(super) with_memory: Box<MemoryDerivatives>,
+    pub(super) laws: Room,
     gradient: ForwardDynamicsGradient,
     pub(super) momenta: Momenta,
     pub(super) networks: NetworkMemory,

@@ -8,7 +8,7 @@ use super::extra::ExtraMemory;
 use super::forces::{By, Of};
 use super::networks::NetworkMemory;
 use super::{DrivenInputs, Hybrid, Placed};
-use crate::effect::{Action, JointForce, MemoryDerivatives, Seen};
+use crate::effect::{At, Column, Room, Seen};
 use crate::entries::Start;
 use crate::processor::Processor;
 
@@ -50,15 +50,13 @@ pub(crate) struct EightMemory {
     pub added: Vec<Lane>,
     networks: NetworkMemory,
     links: LinkForceMemory,
-    with_memory: Box<MemoryDerivatives<Lane>>,
+    laws: Room,
     /// For every entry of θ its column among (q, v, h, θ_free).
     columns: Vec<Option<usize>>,
     /// Q.
     force: Vec<Lane>,
     /// ∂Q/∂(q, v, h, θ_free) of inputs and effects, column after column.
     forces: Vec<Lane>,
-    /// ∂Q_j/∂p of one effect.
-    by_parameter: Vec<Lane>,
     by: ForwardDynamicsDerivatives<Lane>,
     /// What the effects that change the mechanics need.
     extra: Option<ExtraMemory<Lane>>,
@@ -83,7 +81,6 @@ impl Hybrid {
     pub(crate) fn memory_of_eight(&self, free: &[usize]) -> EightMemory {
         let (n, nh) = (self.nv(), self.nh());
         let selected = self.free_of_mechanics(free);
-        let parameters = self.ranges.iter().map(ExactSizeIterator::len).max();
         let count = 2 * n + nh + free.len();
         let place = |index| free.binary_search(&index).ok().map(|k| 2 * n + nh + k);
         let zeros = |n: usize| vec![[0.0; LANES]; n];
@@ -93,11 +90,10 @@ impl Hybrid {
             added: zeros(n),
             networks: self.network_memory(),
             links: LinkForceMemory::default(),
-            with_memory: Box::default(),
+            laws: Room::default(),
             columns: (0..self.constants.len()).map(place).collect(),
             force: zeros(n),
             forces: zeros(n * count),
-            by_parameter: zeros(parameters.unwrap_or(0)),
             by: ForwardDynamicsDerivatives::lanes(n, selected.len()),
             extra: self.extra.as_ref().map(|e| e.memory(n, selected.len())),
             processor: Processor::here(),
@@ -126,11 +122,10 @@ impl Hybrid {
             added,
             networks,
             links,
-            with_memory,
+            laws,
             columns,
             force,
             forces,
-            by_parameter,
             by,
             extra,
             processor,
@@ -162,61 +157,47 @@ impl Hybrid {
         self.network_parts_of_eight(x, theta, at, networks, &mut enter);
         self.link_parts_of_eight(&x[..nq], at, links, enter);
         for (index, effect) in self.effects.iter().enumerate() {
-            if let Action::Joint(law) = effect.kind.action {
-                let range = self.ranges[index].clone();
-                let Start { q, v } = self.starts[effect.target];
-                let smoothing = effect.smoothing;
-                let (by_p, p) = (&mut by_parameter[..range.len()], &theta[range.clone()]);
-                let [value, by_q, by_v] =
-                    law.derivatives_of_eight(&x[q], &x[nq + v], p, smoothing, by_p);
-                add(&mut force[v], &value);
-                add(&mut forces[v * n + v], &by_q);
-                add(&mut forces[(n + v) * n + v], &by_v);
-                add(&mut slopes[v], &by_v);
-                for (index, by) in range.zip(by_p) {
-                    if let Some(column) = columns[index] {
-                        add(&mut forces[column * n + v], by);
-                    }
+            let Some(law) = &self.laws[index] else {
+                continue;
+            };
+            let (start, seen) = self.seen_by_eight(index, x, at, driven);
+            let (p, smoothing) = (&theta[self.ranges[index].clone()], effect.smoothing);
+            let forgets = effect.kind.memory().is_none();
+            law.parts_of_eight(&At { seen, p, smoothing }, laws, |row, column, part| {
+                let of = self.row(index, start, row);
+                if forgets && column == Some(Column::Velocity) {
+                    add(&mut slopes[start.v], part);
                 }
-            } else if let Some(law) = effect.kind.memory() {
-                let (start, seen) = self.seen_by_eight(index, x, at, driven);
-                let p = &theta[self.ranges[index].clone()];
-                let smoothing = effect.smoothing;
-                law.derivatives_of_eight(&seen, p, smoothing, with_memory);
-                self.memory_parts(index, start, with_memory, |of, by, part| {
-                    let column = match by {
-                        By::Value => match of {
-                            Of::Force(i) => return add(&mut force[i], &part),
-                            Of::Rate(k) => return add(&mut rates[n + k], &part),
-                        },
-                        By::Position(i) => Some(i),
-                        By::Velocity(i) => Some(n + i),
-                        By::State(k) => Some(2 * n + k),
-                        By::Constant(index) => columns[index],
-                    };
-                    match (of, column) {
-                        (_, None) => {}
-                        (Of::Force(i), Some(column)) => add(&mut forces[column * n + i], &part),
-                        (Of::Rate(k), Some(column)) => {
-                            add(&mut linear[column * below + n + k], &part);
+                let mut enter = |column: usize, part: &Lane| match of {
+                    Of::Force(i) => add(&mut forces[column * n + i], part),
+                    Of::Rate(k) => add(&mut linear[column * below + n + k], part),
+                };
+                match self.by(index, start, column) {
+                    Some(By::Value) => match of {
+                        Of::Force(i) => add(&mut force[i], part),
+                        Of::Rate(k) => add(&mut rates[n + k], part),
+                    },
+                    Some(By::Position(i)) => enter(i, part),
+                    Some(By::Velocity(i)) => enter(n + i, part),
+                    Some(By::State(k)) => enter(2 * n + k, part),
+                    Some(By::Constant(index)) => {
+                        if let Some(column) = columns[index] {
+                            enter(column, part);
                         }
                     }
-                });
-                for (lane, (inputs, step)) in at.inputs.iter().zip(at.steps).enumerate() {
-                    self.input_parts(index, inputs, step, |entry, derivative| {
-                        let Some(column) = columns[entry] else {
-                            return;
-                        };
-                        for (row, of) in self.rows(index, start).enumerate() {
-                            let part = with_memory.by_f(row)[lane] * derivative;
-                            match of {
-                                Of::Force(i) => forces[column * n + i][lane] += part,
-                                Of::Rate(k) => linear[column * below + n + k][lane] += part,
-                            }
+                    None => {
+                        for (lane, (inputs, step)) in at.inputs.iter().zip(at.steps).enumerate() {
+                            self.input_parts(index, inputs, step, |entry, derivative| {
+                                if let Some(column) = columns[entry] {
+                                    let mut alone = [0.0; LANES];
+                                    alone[lane] = part[lane] * derivative;
+                                    enter(column, &alone);
+                                }
+                            });
                         }
-                    });
+                    }
                 }
-            }
+            });
         }
         let (q, v) = (&x[..nq], &x[nq..nq + n]);
         let p = &theta[self.mechanics_range()];
@@ -274,7 +255,7 @@ impl Hybrid {
             driven,
             added,
             networks,
-            with_memory,
+            laws,
             extra,
             rates,
             slopes: found,
@@ -288,29 +269,24 @@ impl Hybrid {
         self.add_link_forces_of_eight(&x[..nq], at, force);
         hidden.fill([0.0; LANES]);
         for (index, effect) in self.effects.iter().enumerate() {
-            let p = &theta[self.ranges[index].clone()];
-            let smoothing = effect.smoothing;
-            if let Action::Joint(law) = effect.kind.action {
-                let Start { q, v } = self.starts[effect.target];
-                let value = match slopes {
-                    true => {
-                        let [value, slope] = self.slope_of_eight(law, index, x, theta);
-                        add(&mut found[v], &slope);
-                        value
-                    }
-                    false => law.force_of_eight(&x[q], &x[nq + v], p, smoothing),
-                };
-                add(&mut force[v], &value);
-            } else if let Some(law) = effect.kind.memory() {
-                let (start, seen) = self.seen_by_eight(index, x, at, driven);
-                law.evaluate_eight(&seen, p, smoothing, with_memory);
-                for (row, of) in self.rows(index, start).enumerate() {
-                    match of {
-                        Of::Force(i) => add(&mut force[i], &with_memory.value(row)),
-                        Of::Rate(k) => add(&mut hidden[k], &with_memory.value(row)),
-                    }
-                }
+            let Some(law) = &self.laws[index] else {
+                continue;
+            };
+            let (start, seen) = self.seen_by_eight(index, x, at, driven);
+            let (p, smoothing) = (&theta[self.ranges[index].clone()], effect.smoothing);
+            let here = At { seen, p, smoothing };
+            if slopes && effect.kind.memory().is_none() {
+                let [value, slope] = law.slopes_of_eight(&here, laws);
+                add(&mut force[start.v], &value);
+                add(&mut found[start.v], &slope);
+                continue;
             }
+            law.values_of_eight(&here, laws, |row, value| {
+                match self.row(index, start, row) {
+                    Of::Force(i) => add(&mut force[i], value),
+                    Of::Rate(k) => add(&mut hidden[k], value),
+                }
+            });
         }
         let (q, v) = (&x[..nq], &x[nq..nq + n]);
         let (p, out) = (&theta[self.mechanics_range()], force);
@@ -324,19 +300,20 @@ impl Hybrid {
         }
     }
 
-    /// The force of `law`, that of effect `index`, and its derivative in v_j.
-    pub(super) fn slope_of_eight(
-        &self,
-        law: &dyn JointForce,
-        index: usize,
-        x: &[Lane],
-        theta: &[f64],
-    ) -> [Lane; 2] {
+    /// Where the law of effect `index`, a force on a joint without a memory, is evaluated at eight states.
+    pub(super) fn at_joint<'a>(&self, index: usize, x: &[Lane], theta: &'a [f64]) -> At<'a, Lane> {
         let effect = &self.effects[index];
         let Start { q, v } = self.starts[effect.target];
-        let smoothing = effect.smoothing;
-        let p = &theta[self.ranges[index].clone()];
-        law.slopes_of_eight(&x[q], &x[self.nq() + v], p, smoothing)
+        At {
+            seen: Seen {
+                q: x[q],
+                v: x[self.nq() + v],
+                f: [0.0; LANES],
+                h: &[],
+            },
+            p: &theta[self.ranges[index].clone()],
+            smoothing: effect.smoothing,
+        }
     }
 
     /// The entries of v that dry friction acts on, and the velocity over which its change of sign is spread.
@@ -364,7 +341,7 @@ impl Hybrid {
         }
     }
 
-    /// Where effect `index`, which has a memory, acts, and what it sees there in eight states.
+    /// Where the law of effect `index` acts, and what it sees there in eight states.
     fn seen_by_eight<'a>(
         &self,
         index: usize,

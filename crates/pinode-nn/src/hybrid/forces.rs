@@ -6,7 +6,7 @@ use lagrange::LANES;
 use nalgebra::DVector;
 
 use super::{DrivenInputs, Hybrid, Memory, Placed, State};
-use crate::effect::{Action, JointForce, MemoryDerivatives, Seen, Signal};
+use crate::effect::{Action, At, Column, JointForce, Room, Seen, Signal};
 use crate::entries::Start;
 
 /// What is derived.
@@ -34,7 +34,7 @@ pub(super) enum By {
 }
 
 /// Where forces are taken: state, θ, inputs and integration step.
-pub(super) type At<'a> = (State<'a>, &'a [f64], &'a DrivenInputs, usize);
+pub(super) type Here<'a> = (State<'a>, &'a [f64], &'a DrivenInputs, usize);
 
 impl Hybrid {
     /// Whether an input acts on its joint itself.
@@ -124,26 +124,33 @@ impl Hybrid {
         theta: &[f64],
     ) -> Option<(usize, Vec<f64>)> {
         let effect = &self.effects[index];
-        let Action::Joint(law) = effect.kind.action else {
+        let law = self.laws[index].as_ref()?;
+        if effect.kind.memory().is_some() {
             return None;
-        };
-        let (at, p) = (
-            self.starts[effect.target],
-            &theta[self.ranges[index].clone()],
-        );
-        let (nx, nq) = (self.nx(), self.nq());
+        }
+        let v = self.starts[effect.target].v;
+        let nx = self.nx();
         let mut forces = Vec::with_capacity(states.len() / nx);
+        let (mut x, mut room) = (vec![[0.0; LANES]; nx], Room::default());
         for eight in states.chunks(nx * LANES) {
             // Lanes that are left over repeat the last state.
             let last = (eight.len() / nx).saturating_sub(1);
-            let entry = |i: usize| std::array::from_fn(|lane| eight[lane.min(last) * nx + i]);
-            let force = law.force_of_eight(&entry(at.q), &entry(nq + at.v), p, effect.smoothing);
-            forces.extend_from_slice(&force[..=last]);
+            for (i, x) in x.iter_mut().enumerate() {
+                *x = std::array::from_fn(|lane| eight[lane.min(last) * nx + i]);
+            }
+            let from = forces.len();
+            forces.resize(from + last + 1, 0.0);
+            let at = self.at_joint(index, &x, theta);
+            law.values_of_eight(&at, &mut room, |_, force| {
+                for (to, force) in forces[from..].iter_mut().zip(force) {
+                    *to += force;
+                }
+            });
         }
-        Some((at.v, forces))
+        Some((v, forces))
     }
 
-    /// The force f that effect `index`, which has a memory, sees, and where it acts.
+    /// The force f that the law of effect `index` sees, and where it acts.
     pub(super) fn force_seen(
         &self,
         index: usize,
@@ -159,7 +166,7 @@ impl Hybrid {
         }
     }
 
-    /// Where effect `index`, which has a memory, acts, what it sees there and which states are its own.
+    /// Where the law of effect `index` acts, what it sees there and which states are its own.
     fn seen<'a>(
         &self,
         index: usize,
@@ -202,9 +209,9 @@ impl Hybrid {
     /// `driven` is what [`drive_directly`](Self::drive_directly) has left.
     pub(super) fn each_part(
         &self,
-        (state, theta, inputs, step): At<'_>,
+        (state, theta, inputs, step): Here<'_>,
         driven: &DVector<f64>,
-        (by_parameter, with_memory): (&mut [f64], &mut MemoryDerivatives),
+        room: &mut Room,
         mut add: impl FnMut(Of, By, f64),
     ) {
         for (signal, v) in self.direct(inputs) {
@@ -214,58 +221,42 @@ impl Hybrid {
             }
         }
         for (index, effect) in self.effects.iter().enumerate() {
-            let range = self.ranges[index].clone();
-            let p = &theta[range.clone()];
-            let smoothing = effect.smoothing;
-            if let Action::Joint(law) = effect.kind.action {
-                let by_p = &mut by_parameter[..range.len()];
-                let Start { q, v } = self.starts[effect.target];
-                let at = law.derivatives(state.q[q], state.v[v], p, smoothing, by_p);
-                add(Of::Force(v), By::Value, at.force);
-                add(Of::Force(v), By::Position(v), at.by_q);
-                add(Of::Force(v), By::Velocity(v), at.by_v);
-                for (index, derivative) in range.zip(by_p) {
-                    add(Of::Force(v), By::Constant(index), *derivative);
+            let Some(law) = &self.laws[index] else {
+                continue;
+            };
+            let (start, seen, _) = self.seen(index, state, inputs, step, driven);
+            let (p, smoothing) = (&theta[self.ranges[index].clone()], effect.smoothing);
+            let at = At { seen, p, smoothing };
+            law.parts(&at, room, |row, column, part| {
+                let of = self.row(index, start, row);
+                match self.by(index, start, column) {
+                    Some(by) => add(of, by, part),
+                    None => self.input_parts(index, inputs, step, |k, derivative| {
+                        add(of, By::Constant(k), part * derivative);
+                    }),
                 }
-            } else if let Some(law) = effect.kind.memory() {
-                let (at, seen, _) = self.seen(index, state, inputs, step, driven);
-                law.derivatives(&seen, p, smoothing, with_memory);
-                self.memory_parts(index, at, with_memory, &mut add);
-                self.input_parts(index, inputs, step, |k, derivative| {
-                    for (row, of) in self.rows(index, at).enumerate() {
-                        let part = with_memory.by_f(row) * derivative;
-                        add(of, By::Constant(k), part);
-                    }
-                });
-            }
+            });
         }
     }
 
-    /// What the rows of the derivatives of effect `index` are of, one with a memory that acts at `at`.
-    pub(super) fn rows(&self, index: usize, at: Start) -> impl Iterator<Item = Of> {
-        let rates = self.state_ranges[index].clone().map(Of::Rate);
-        std::iter::once(Of::Force(at.v)).chain(rates)
+    /// What a row of the law of effect `index`, which acts at `start`, is of.
+    pub(super) fn row(&self, index: usize, start: Start, row: usize) -> Of {
+        match row.checked_sub(1) {
+            None => Of::Force(start.v),
+            Some(k) => Of::Rate(self.state_ranges[index].start + k),
+        }
     }
 
-    /// The parts of effect `index`, one with a memory that acts at `at`, but for what it hands on of the inputs.
-    pub(super) fn memory_parts<T: Copy>(
-        &self,
-        index: usize,
-        at: Start,
-        d: &MemoryDerivatives<T>,
-        mut add: impl FnMut(Of, By, T),
-    ) {
-        for (row, of) in self.rows(index, at).enumerate() {
-            add(of, By::Value, d.value(row));
-            add(of, By::Position(at.v), d.by_q(row));
-            add(of, By::Velocity(at.v), d.by_v(row));
-            for (k, &derivative) in self.state_ranges[index].clone().zip(d.by_h(row)) {
-                add(of, By::State(k), derivative);
-            }
-            for (index, &derivative) in self.ranges[index].clone().zip(d.by_p(row)) {
-                add(of, By::Constant(index), derivative);
-            }
-        }
+    /// In what a column of it is derived; `None`: in the force of the inputs.
+    pub(super) fn by(&self, index: usize, start: Start, column: Option<Column>) -> Option<By> {
+        Some(match column {
+            None => By::Value,
+            Some(Column::Position) => By::Position(start.v),
+            Some(Column::Velocity) => By::Velocity(start.v),
+            Some(Column::Input) => return None,
+            Some(Column::State(k)) => By::State(self.state_ranges[index].start + k),
+            Some(Column::Parameter(k)) => By::Constant(self.ranges[index].start + k),
+        })
     }
 
     /// The derivatives in entries of θ of the force f that effect `index` sees, one with a memory.

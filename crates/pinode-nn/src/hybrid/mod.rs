@@ -32,7 +32,7 @@ use integrators::{Flat, PhaseSpace, Product, Space};
 use lagrange::Mechanics;
 use lagrange::mechanism::{Link, LinkForce, Tree};
 
-use crate::effect::{Action, ActsOn, Between, Inertial, Kind};
+use crate::effect::{Action, ActsOn, Between, Inertial, Kind, Law};
 use crate::entries::Start;
 use crate::learnt::LearntForce;
 use crate::motion::Positions;
@@ -98,6 +98,8 @@ pub struct Hybrid {
     /// What each input does between two samples of a log.
     between: Vec<Between>,
     effects: Vec<Placed>,
+    /// Their laws, of those that are forces on joints.
+    laws: Vec<Option<Arc<Law>>>,
     /// Where the parameters of each effect lie in θ.
     ranges: Vec<Range<usize>>,
     /// Where the states of each effect lie in h.

@@ -3,7 +3,7 @@
 use lagrange::LANES;
 
 use super::{Hybrid, Placed};
-use crate::effect::{Action, default_smoothing};
+use crate::effect::{Room, default_smoothing};
 
 /// Friction with a faster rate about rest than this, 1/s at the usual pace, is stepped implicitly: explicit steps would have to be shorter than a millisecond.
 const STIFF: f64 = 2.5e3;
@@ -45,12 +45,14 @@ impl Hybrid {
             return 0.0;
         };
         let response = mass.inverse().diagonal();
-        let mut slopes = zeros;
+        let (mut slopes, mut room) = (zeros, Room::default());
         for (index, effect) in self.effects.iter().enumerate() {
-            if let Action::Joint(law) = effect.kind.action
-                && law.dry().is_some()
+            if let Some(law) = self.laws[index]
+                .as_ref()
+                .filter(|_| effect.kind.dry().is_some())
             {
-                let [_, slope] = self.slope_of_eight(law, index, &rest, theta);
+                let at = self.at_joint(index, &rest, theta);
+                let [_, slope] = law.slopes_of_eight(&at, &mut room);
                 slopes[self.starts[effect.target].v] += slope[0];
             }
         }
