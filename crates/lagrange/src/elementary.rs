@@ -94,9 +94,9 @@ const FACTORIALS: [f64; 13] = [
     0.5,
 ];
 
-/// y = k ln 2 + r with |r| ≤ ln 2/2: 2^k, r, and r²/2! + r³/3! + …, for |y| < 708.
+/// y = k ln 2 + r with |r| ≤ ln 2/2: 2^k times the power of two `unit`, which must be a normal number; r; and r²/2! + r³/3! + ….
 #[inline(always)]
-fn reduced<const F: bool>(y: &[f64; LANES]) -> [[f64; LANES]; 3] {
+fn reduced<const F: bool>(y: &[f64; LANES], unit: f64) -> [[f64; LANES]; 3] {
     /// Adding this leaves k in the last bits.
     const ROUND: f64 = 6_755_399_441_055_744.0;
     let shifted: [f64; LANES] = from_fn(|i| fuse::<F>(y[i], std::f64::consts::LOG2_E, ROUND));
@@ -105,7 +105,7 @@ fn reduced<const F: bool>(y: &[f64; LANES]) -> [[f64; LANES]; 3] {
     let r: [f64; LANES] = from_fn(|i| fuse::<F>(-k[i], LN_2[1], r[i]));
     let scale = from_fn(|i| {
         let exponent = shifted[i].to_bits().wrapping_shl(52);
-        f64::from_bits(exponent.wrapping_add(1.0_f64.to_bits()))
+        f64::from_bits(exponent.wrapping_add(unit.to_bits()))
     });
     let mut series = [0.0; LANES];
     for factorial in FACTORIALS {
@@ -114,15 +114,22 @@ fn reduced<const F: bool>(y: &[f64; LANES]) -> [[f64; LANES]; 3] {
     [scale, r, from_fn(|i| series[i] * (r[i] * r[i]))]
 }
 
-/// exp x of numbers below 709, to a unit in the last place; 0 below −708.
+/// exp x, to a unit in the last place; 0 below −708. NaN stays.
 #[inline(always)]
 pub(crate) fn exp<const F: bool>(x: &[f64; LANES]) -> [f64; LANES] {
     const LEAST: f64 = -708.0;
-    let y = from_fn(|i| if x[i] < LEAST { LEAST } else { x[i] });
-    let [scale, r, series] = reduced::<F>(&y);
+    /// ln of the largest number.
+    const MOST: f64 = 709.782_712_893_384;
+    let y = from_fn(|i| {
+        let low = if x[i] < LEAST { LEAST } else { x[i] };
+        if low > MOST { MOST } else { low }
+    });
+    // Half of it: 2¹⁰²⁴ is no number.
+    let [half, r, series] = reduced::<F>(&y, 0.5);
     from_fn(|i| {
-        let exp = fuse::<F>(scale[i], r[i] + series[i], scale[i]);
-        if x[i] < LEAST { 0.0 } else { exp }
+        let exp = 2.0 * fuse::<F>(half[i], r[i] + series[i], half[i]);
+        let exp = if x[i] < LEAST { 0.0 } else { exp };
+        if x[i] > MOST { f64::INFINITY } else { exp }
     })
 }
 
@@ -138,7 +145,7 @@ pub(crate) fn tanh<const F: bool>(x: &[f64; LANES]) -> [f64; LANES] {
         let size = x[i].abs();
         2.0 * if size > LARGEST { LARGEST } else { size }
     });
-    let [scale, r, series] = reduced::<F>(&y);
+    let [scale, r, series] = reduced::<F>(&y, 1.0);
     from_fn(|i| {
         // t = high + low.
         let (whole, scaled) = (scale[i] - 1.0, scale[i] * r[i]);

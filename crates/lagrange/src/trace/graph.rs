@@ -32,7 +32,7 @@ pub struct Graph {
     known: HashMap<Node, Id>,
     /// Where rounding is left out: what each node cannot exceed in size, whatever the variables are; infinity where nothing is known.
     sizes: Option<Vec<f64>>,
-    /// Something asked for a value while there was none: the energies branch on their arguments.
+    /// Something asked for a value while there was none: what is recorded branches on its arguments.
     pub branched: bool,
 }
 

@@ -1,4 +1,4 @@
-//! Energies recorded as an expression graph, differentiated there, and run as a short program.
+//! Energies, and functions of other kinds, recorded as an expression graph, differentiated there, and run as a short program.
 //!
 //! Energies are generic over the scalar; run once on [`Traced`](traced::Traced) they write down what they compute. The graph
 //! folds constants and shares common subexpressions, so that what a general kinematic recursion multiplies by zero or one is gone,

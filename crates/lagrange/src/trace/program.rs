@@ -110,6 +110,11 @@ impl Program {
         self.inputs
     }
 
+    /// Number of outputs.
+    pub fn outputs_len(&self) -> usize {
+        self.outputs.len()
+    }
+
     /// Number of instructions.
     pub fn len(&self) -> usize {
         self.operands.len()

@@ -1,5 +1,7 @@
 //! Functions of several numbers, recorded once: their values and derivatives as straight-line programs.
 
+use std::collections::BTreeSet;
+
 use super::derivative::derivative;
 use super::graph::Id;
 use super::program::Program;
@@ -7,8 +9,8 @@ use super::traced::{Traced, trace, variable};
 use crate::lanes::{LANES, Lanes};
 use crate::processor::Processor;
 
-/// A graph larger than this is given up.
-const MOST_NODES: usize = 5_000;
+/// A graph larger than this, with all derivatives, is given up.
+const MOST_NODES: usize = 20_000;
 
 /// y = f(x), f written over [`Scalar`](crate::Scalar), as a program for y and one for y and those of ∂y/∂x that are not zero by the shape of f.
 ///
@@ -73,7 +75,8 @@ impl Default for RecordedMemory {
 
 impl Recorded {
     /// Records what `function` computes of so many `inputs`, and its derivatives in those of `columns`. `None` where it decides by the value of a number
-    /// ([`Scalar::re`](crate::Scalar::re)), which a record does not know, and where it is too long.
+    /// ([`Scalar::re`](crate::Scalar::re) is NaN there, and it has to come to an end all the same), and where it is too long. Columns that are not there are
+    /// left out. All numbers that `function` uses have to come from its arguments and from constants that it makes itself: see [`Traced`].
     pub fn of(
         inputs: usize,
         columns: impl IntoIterator<Item = usize>,
@@ -83,7 +86,7 @@ impl Recorded {
             let x: Vec<Traced> = (0..inputs).map(variable).collect();
             function(&x)
         });
-        if graph.branched {
+        if graph.branched || graph.len() > MOST_NODES {
             return None;
         }
         let mut roots: Vec<Id> = outputs.iter().map(|y| y.0).collect();
@@ -92,7 +95,8 @@ impl Recorded {
             (0..roots.len()).map(|row| (row, None)).collect();
         let zero = graph.constant(0.0);
         let outputs = roots.clone();
-        for column in columns.into_iter().filter(|&column| column < inputs) {
+        let columns: BTreeSet<usize> = columns.into_iter().collect();
+        for &column in columns.range(..inputs) {
             let slopes = derivative(&mut graph, &outputs, column as u32, MOST_NODES).ok()?;
             for (row, slope) in slopes.into_iter().enumerate() {
                 if slope != zero {
@@ -108,7 +112,12 @@ impl Recorded {
         })
     }
 
-    /// y.
+    /// Number of rows of y.
+    pub fn outputs(&self) -> usize {
+        self.values.outputs_len()
+    }
+
+    /// y; x as long as there are inputs, NaN where it is shorter.
     pub fn values<'a>(
         &'a self,
         x: impl IntoIterator<Item = f64>,

@@ -12,6 +12,9 @@ thread_local! {
 }
 
 /// A number that is not computed but written down, in the graph of this thread: what a function over [`Scalar`] is [recorded](crate::Recorded) by.
+///
+/// It belongs to the record in which it was made: in another one, on another thread or after its end it stands for another number. Two are equal where the
+/// same is written down, whatever the values are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Traced(pub(crate) Id);
 

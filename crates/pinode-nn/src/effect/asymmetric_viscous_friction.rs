@@ -11,7 +11,8 @@ struct AsymmetricViscous;
 
 impl ForceLaw for AsymmetricViscous {
     fn force<D: Scalar>(&self, _q: D, v: D, p: &[D], _smoothing: D) -> D {
-        -((p[0] + p[1]) * v + (p[0] - p[1]) * v.abs()) * 0.5
+        // Of the two brackets one is 0.
+        -(p[0] * (v + v.abs()) + p[1] * (v - v.abs())) * 0.5
     }
 }
 

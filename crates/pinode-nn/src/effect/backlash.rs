@@ -23,7 +23,7 @@ const DAMPING: f64 = 1.2 * 400.0 * MOTOR;
 
 struct Backlash;
 
-/// x kept within ±w, by absolute values, which lanes know.
+/// x kept within ±w, without asking for a number.
 fn within<D: Scalar>(x: D, w: D) -> D {
     ((x + w).abs() - (x - w).abs()) * 0.5
 }

@@ -1,4 +1,4 @@
-//! Numbers with derivatives in several variables at once, over any [`Scalar`]: of eight states at once, over lanes.
+//! Numbers with derivatives in several variables at once.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -6,35 +6,32 @@ use lagrange::Scalar;
 
 /// x and ∂x/∂y_k for `N` variables y.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Dual<T, const N: usize> {
-    pub re: T,
-    pub eps: [T; N],
+pub(super) struct Dual<const N: usize> {
+    pub re: f64,
+    pub eps: [f64; N],
 }
 
-impl<T: Scalar, const N: usize> Dual<T, N> {
+impl<const N: usize> Dual<N> {
     /// The variable y_k; none for k ≥ N.
-    #[inline(always)]
-    pub fn variable(re: T, k: usize) -> Self {
-        let mut eps = [T::zero(); N];
+    pub fn variable(re: f64, k: usize) -> Self {
+        let mut eps = [0.0; N];
         if let Some(own) = eps.get_mut(k) {
-            *own = T::constant(1.0);
+            *own = 1.0;
         }
         Dual { re, eps }
     }
 
     /// f(x) with f′(x).
-    #[inline(always)]
-    fn chain(mut self, f: T, slope: T) -> Self {
+    fn chain(mut self, f: f64, slope: f64) -> Self {
         self.re = f;
         for own in &mut self.eps {
-            *own = *own * slope;
+            *own *= slope;
         }
         self
     }
 
-    /// f(x, y) with its derivative from those of x and y, one after the other. Loops are inlined where `from_fn` is not.
-    #[inline(always)]
-    fn join(mut self, other: Self, f: T, derivative: impl Fn(T, T) -> T) -> Self {
+    /// f(x, y) with its derivative from those of x and y, one after the other.
+    fn join(mut self, other: Self, f: f64, derivative: impl Fn(f64, f64) -> f64) -> Self {
         self.re = f;
         for (own, other) in self.eps.iter_mut().zip(other.eps) {
             *own = derivative(*own, other);
@@ -43,99 +40,87 @@ impl<T: Scalar, const N: usize> Dual<T, N> {
     }
 }
 
-impl<T: Scalar, const N: usize> Add for Dual<T, N> {
+impl<const N: usize> Add for Dual<N> {
     type Output = Self;
-    #[inline(always)]
     fn add(self, other: Self) -> Self {
         self.join(other, self.re + other.re, |a, b| a + b)
     }
 }
 
-impl<T: Scalar, const N: usize> Sub for Dual<T, N> {
+impl<const N: usize> Sub for Dual<N> {
     type Output = Self;
-    #[inline(always)]
     fn sub(self, other: Self) -> Self {
         self.join(other, self.re - other.re, |a, b| a - b)
     }
 }
 
-impl<T: Scalar, const N: usize> Mul for Dual<T, N> {
+impl<const N: usize> Mul for Dual<N> {
     type Output = Self;
-    #[inline(always)]
     fn mul(self, other: Self) -> Self {
         let (x, y) = (self.re, other.re);
         self.join(other, x * y, |a, b| a.times_plus(y, x * b))
     }
 }
 
-impl<T: Scalar, const N: usize> Div for Dual<T, N> {
+impl<const N: usize> Div for Dual<N> {
     type Output = Self;
-    #[inline(always)]
     fn div(self, other: Self) -> Self {
-        let (inverse, ratio) = (T::constant(1.0) / other.re, self.re / other.re);
+        let (inverse, ratio) = (1.0 / other.re, self.re / other.re);
         self.join(other, ratio, |a, b| (a - ratio * b) * inverse)
     }
 }
 
-impl<T: Scalar, const N: usize> Neg for Dual<T, N> {
+impl<const N: usize> Neg for Dual<N> {
     type Output = Self;
-    #[inline(always)]
     fn neg(self) -> Self {
-        self.chain(-self.re, T::constant(-1.0))
+        self.chain(-self.re, -1.0)
     }
 }
 
-impl<T: Scalar, const N: usize> Add<f64> for Dual<T, N> {
+impl<const N: usize> Add<f64> for Dual<N> {
     type Output = Self;
-    #[inline(always)]
     fn add(self, x: f64) -> Self {
         let re = self.re + x;
         Dual { re, ..self }
     }
 }
 
-impl<T: Scalar, const N: usize> Sub<f64> for Dual<T, N> {
+impl<const N: usize> Sub<f64> for Dual<N> {
     type Output = Self;
-    #[inline(always)]
     fn sub(self, x: f64) -> Self {
         let re = self.re - x;
         Dual { re, ..self }
     }
 }
 
-impl<T: Scalar, const N: usize> Mul<f64> for Dual<T, N> {
+impl<const N: usize> Mul<f64> for Dual<N> {
     type Output = Self;
-    #[inline(always)]
     fn mul(self, x: f64) -> Self {
-        self.chain(self.re * x, T::constant(x))
+        self.chain(self.re * x, x)
     }
 }
 
-impl<T: Scalar, const N: usize> Div<f64> for Dual<T, N> {
+impl<const N: usize> Div<f64> for Dual<N> {
     type Output = Self;
-    #[inline(always)]
     fn div(self, x: f64) -> Self {
-        self.chain(self.re / x, T::constant(1.0 / x))
+        self.chain(self.re / x, 1.0 / x)
     }
 }
 
-impl<T: Scalar, const N: usize> Scalar for Dual<T, N> {
-    #[inline(always)]
+impl<const N: usize> Scalar for Dual<N> {
     fn constant(x: f64) -> Self {
         Dual {
-            re: T::constant(x),
-            eps: [T::zero(); N],
+            re: x,
+            eps: [0.0; N],
         }
     }
     fn re(self) -> f64 {
         self.re.re()
     }
-    #[inline(always)]
     fn sin(self) -> Self {
         let (sin, cos) = self.re.sin_cos();
         self.chain(sin, cos)
     }
-    #[inline(always)]
     fn cos(self) -> Self {
         let (sin, cos) = self.re.sin_cos();
         self.chain(cos, -sin)
@@ -146,14 +131,14 @@ impl<T: Scalar, const N: usize> Scalar for Dual<T, N> {
     }
     fn asin(self) -> Self {
         let slope = (-self.re * self.re + 1.0).sqrt();
-        self.chain(self.re.asin(), T::constant(1.0) / slope)
+        self.chain(self.re.asin(), 1.0 / slope)
     }
     fn acos(self) -> Self {
         let slope = (-self.re * self.re + 1.0).sqrt();
-        self.chain(self.re.acos(), T::constant(-1.0) / slope)
+        self.chain(self.re.acos(), -1.0 / slope)
     }
     fn atan(self) -> Self {
-        let slope = T::constant(1.0) / (self.re * self.re + 1.0);
+        let slope = 1.0 / (self.re * self.re + 1.0);
         self.chain(self.re.atan(), slope)
     }
     fn atan2(self, x: Self) -> Self {
@@ -167,43 +152,30 @@ impl<T: Scalar, const N: usize> Scalar for Dual<T, N> {
     fn cosh(self) -> Self {
         self.chain(self.re.cosh(), self.re.sinh())
     }
-    #[inline(always)]
     fn tanh(self) -> Self {
         let tanh = self.re.tanh();
         self.chain(tanh, -tanh * tanh + 1.0)
     }
-    #[inline(always)]
     fn exp(self) -> Self {
         let exp = self.re.exp();
         self.chain(exp, exp)
     }
     fn ln(self) -> Self {
-        self.chain(self.re.ln(), T::constant(1.0) / self.re)
+        self.chain(self.re.ln(), 1.0 / self.re)
     }
-    #[inline(always)]
     fn sqrt(self) -> Self {
         let root = self.re.sqrt();
-        self.chain(root, T::constant(0.5) / root)
+        self.chain(root, 0.5 / root)
     }
     fn powi(self, n: i32) -> Self {
         let slope = match n {
-            0 => T::zero(),
+            0 => 0.0,
             n => self.re.powi(n - 1) * f64::from(n),
         };
         self.chain(self.re.powi(n), slope)
     }
     fn powf(self, n: f64) -> Self {
         self.chain(self.re.powf(n), self.re.powf(n - 1.0) * n)
-    }
-    // The choices of `Scalar`, state by state.
-    #[inline(always)]
-    fn abs(self) -> Self {
-        self * self.sign()
-    }
-    #[inline(always)]
-    fn sign(self) -> Self {
-        let re = self.re.sign();
-        Dual { re, ..Self::zero() }
     }
 }
 
@@ -252,7 +224,7 @@ mod tests {
     #[test]
     fn derivatives_are_those_of_num_dual() {
         for (x, y) in [(0.3, 0.8), (0.9, 0.2)] {
-            let own = all(Dual::<f64, 2>::variable(x, 0), Dual::variable(y, 1));
+            let own = all(Dual::<2>::variable(x, 0), Dual::variable(y, 1));
             let variable = |x, k| DualSVec64::<2>::from_re(x).derivative(k);
             let other = all(variable(x, 0), variable(y, 1));
             for (k, (own, other)) in own.iter().zip(&other).enumerate() {

@@ -9,8 +9,9 @@ use super::dual::Dual;
 /// A force law written over the scalar: Q_j = force(q_j, v_j; p), on the right-hand side of M v̇ + C v + G = Q.
 ///
 /// It is recorded once and run as a program, with its derivatives and on eight states at once. A law that asks for the value of a number
-/// ([`Scalar::re`]) to decide by it has no record: it is evaluated on dual numbers, state by state, which takes several times as long. What depends on a
-/// direction can be written by `abs` and `sign`.
+/// ([`Scalar::re`]) to decide by it has no record, nor has one of thousands of operations: it is evaluated on dual numbers, state by state, which takes
+/// several times as long. What depends on a direction can be written by `abs` and `sign`. To be recorded the law is run once where `re` is NaN: it must
+/// come to an end there.
 pub trait ForceLaw: Send + Sync + 'static {
     /// The generalized force, N or N·m. `smoothing` is the velocity over which a sign change of friction is spread, m/s or rad/s.
     fn force<D: Scalar>(&self, q: D, v: D, p: &[D], smoothing: D) -> D;
@@ -95,7 +96,7 @@ pub trait JointForce: Send + Sync {
         smoothing: f64,
         by_p: &mut [f64],
     ) -> JointForceDerivatives;
-    /// Writes down Q_j of (q, v, f, p …, smoothing); of the force f of the inputs it does not depend.
+    /// Writes down Q_j of (q, v, f, p …, smoothing), one number; of the force f of the inputs it does not depend.
     fn record(&self, arguments: &[Traced]) -> Vec<Traced>;
     /// See [`ForceLaw::is_itself`].
     fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool;
@@ -123,7 +124,7 @@ fn gradient<L: ForceLaw, const N: usize>(
     smoothing: f64,
     by_p: &mut [f64],
 ) -> JointForceDerivatives {
-    let mut lifted = [Dual::<f64, N>::zero(); MOST_PARAMETERS];
+    let mut lifted = [Dual::<N>::zero(); MOST_PARAMETERS];
     let lifted = &mut lifted[..p.len()];
     for (k, (dual, &value)) in lifted.iter_mut().zip(p).enumerate() {
         *dual = Dual::variable(value, 2 + k);

@@ -1,7 +1,7 @@
 //! The laws of effects as roll-outs evaluate them: recorded once, and run as programs.
 //!
 //! Q_j and ḣ, row after row, are functions of (q_j, v_j, f, h …, p …), column after column, and of the smoothing. A law that decides by the value of a number
-//! has no record: it is evaluated on dual numbers, state by state.
+//! has no record, nor has one that is too long: it is evaluated on dual numbers, state by state.
 
 use std::sync::{Arc, PoisonError, RwLock};
 
@@ -16,7 +16,7 @@ type Lane = [f64; LANES];
 pub(crate) struct Law {
     states: usize,
     written: Written,
-    /// With its derivatives in all columns; none where it decides by a number.
+    /// With its derivatives in all columns; none where it has no record.
     all: Option<Recorded>,
     /// With that in v_j alone.
     slope: Option<Recorded>,
@@ -92,10 +92,12 @@ impl Law {
         let states = kind.states();
         let columns = FIRST_STATE + states + kind.parameters.len();
         let record = |wanted: std::ops::Range<usize>| {
-            Recorded::of(columns + 1, wanted, |arguments| match written {
+            let recorded = Recorded::of(columns + 1, wanted, |arguments| match written {
                 Written::Joint(law) => law.record(arguments),
                 Written::Memory(law) => law.record(arguments),
-            })
+            });
+            // Another number of rows is no record of this law.
+            recorded.filter(|recorded| recorded.outputs() == 1 + states)
         };
         let (all, slope) = (record(0..columns), record(VELOCITY..VELOCITY + 1));
         Law {
@@ -402,6 +404,58 @@ mod tests {
             });
         }
         assert!(seen >= 18, "{seen}");
+    }
+
+    /// At rest, without states, at the places of stops and at parameters that do nothing, infinite ones among them: what is a number by dual numbers is
+    /// the same by the program.
+    #[test]
+    fn laws_at_corners_are_those_by_dual_numbers() {
+        let kinds = registry::all().into_iter();
+        for (kind, law) in kinds.filter_map(|kind| Some((kind, Law::of(kind)?))) {
+            let usual: Vec<f64> = (0..kind.parameters.len())
+                .map(|k| 0.7 + 0.4 * k as f64)
+                .collect();
+            let mut sets = vec![usual.clone()];
+            for (k, spec) in kind.parameters.iter().enumerate() {
+                for value in [spec.neutral, spec.lower, spec.upper] {
+                    let mut p = usual.clone();
+                    p[k] = value;
+                    sets.push(p);
+                }
+            }
+            let h = vec![0.0; kind.states()];
+            let mut room = Room::default();
+            for p in &sets {
+                let places = [0.0, -0.0, p.first().copied().unwrap_or(0.3), 1.1, 9.0];
+                for (q, v) in places
+                    .iter()
+                    .flat_map(|q| [0.0, -0.0, 0.4, -0.4].map(|v| (*q, v)))
+                {
+                    let seen = Seen {
+                        q,
+                        v,
+                        f: 0.0,
+                        h: &h,
+                    };
+                    let at = At {
+                        seen,
+                        p,
+                        smoothing: 0.3,
+                    };
+                    let exact = table(|each| law.by_duals(&at, &mut room, each));
+                    let found = table(|each| law.parts(&at, &mut room, each));
+                    let of = |all: &[(String, f64)], name: &str| {
+                        let own = all.iter().find(|(known, _)| known == name);
+                        own.map_or(0.0, |(_, x)| *x)
+                    };
+                    for (name, _) in exact.iter().chain(&found) {
+                        let (a, b) = (of(&found, name), of(&exact, name));
+                        let same = !b.is_finite() || (a - b).abs() <= 1e-12 * (1.0 + b.abs());
+                        assert!(same, "{}: {name} {a} {b} at {q}, {v}, {p:?}", kind.name);
+                    }
+                }
+            }
+        }
     }
 
     #[test]

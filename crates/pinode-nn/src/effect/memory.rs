@@ -78,7 +78,7 @@ pub trait MemoryForce: Send + Sync {
         smoothing: f64,
         out: &mut MemoryDerivatives,
     );
-    /// Writes down Q_j and ḣ of (q, v, f, h …, p …, smoothing).
+    /// Writes down Q_j and ḣ of (q, v, f, h …, p …, smoothing), one number more than there are states.
     fn record(&self, arguments: &[Traced]) -> Vec<Traced>;
     /// See [`MemoryLaw::start`].
     fn start(&self, v: f64, f: f64, p: &[f64], h: &mut [f64]);
@@ -118,7 +118,7 @@ impl MemoryDerivatives {
         self.value[row]
     }
 
-    /// Its derivatives.
+    /// Its derivatives; 0 beyond the columns of the law.
     pub fn by(&self, row: usize) -> &[f64] {
         &self.by[row]
     }
@@ -159,7 +159,7 @@ impl<L: MemoryLaw> MemoryForce for WithMemory<L> {
         smoothing: f64,
         out: &mut MemoryDerivatives,
     ) {
-        type Number = Dual<f64, COLUMNS>;
+        type Number = Dual<COLUMNS>;
         let states = self.0.states();
         let columns = 3 + states + p.len();
         let mut arguments = [Number::zero(); COLUMNS];
