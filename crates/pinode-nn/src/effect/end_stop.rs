@@ -43,8 +43,8 @@ const NOT_ZERO: f64 = 1e-300;
 
 /// The force of the stop on what is `depth` in it, or less than nothing, and goes on with `rate`, at least 0.
 fn push<D: Scalar>(depth: D, rate: D, stiffness: D, damping: D) -> D {
-    // NaN goes on to where it is seen; what just touches is not in the stop.
-    let (spring, damper) = (stiffness * D::zero().max(depth), damping * rate);
+    // NaN goes on to where it is seen. What just touches has the slopes of what is in the stop: fits start there.
+    let (spring, damper) = (stiffness * depth.max(D::zero()), damping * rate);
     spring + spring * damper / (spring + damper.abs() + NOT_ZERO)
 }
 
