@@ -197,22 +197,11 @@ impl Program {
                     }
                 };
             }
-            // The commonest, number by number: in builds for tests the operators of lanes are no vectors.
-            macro_rules! arithmetic {
-                ($symbol:tt) => {
-                    for (k, &[a, b]) in operands.iter().enumerate() {
-                        let (a, b) = (lanes[a as usize].0, lanes[b as usize].0);
-                        for ((to, a), b) in lanes[to + k].0.iter_mut().zip(a).zip(b) {
-                            *to = a $symbol b;
-                        }
-                    }
-                };
-            }
             match run.kind {
-                Kind::Add => arithmetic!(+),
-                Kind::Subtract => arithmetic!(-),
-                Kind::Multiply => arithmetic!(*),
-                Kind::Divide => arithmetic!(/),
+                Kind::Add => each!(x = |a, b| a + b),
+                Kind::Subtract => each!(x = |a, b| a - b),
+                Kind::Multiply => each!(x = |a, b| a * b),
+                Kind::Divide => each!(x = |a, b| a / b),
                 Kind::Negate => each!(x = |a, _b| -a),
                 Kind::One(Unary::Sin) => each!(x = |a, _b| a.sin_cos().0),
                 Kind::One(Unary::Cos) => each!(x = |a, _b| a.sin_cos().1),

@@ -116,33 +116,6 @@ pub(super) const MOST_PARAMETERS: usize = 8;
 /// q, v and the parameters.
 const MOST_VARIABLES: usize = 2 + MOST_PARAMETERS;
 
-/// The force and its derivatives in q, v and p, at most `N` of them, by one evaluation of the law.
-fn gradient<L: ForceLaw, const N: usize>(
-    law: &L,
-    [q, v]: [f64; 2],
-    p: &[f64],
-    smoothing: f64,
-    by_p: &mut [f64],
-) -> JointForceDerivatives {
-    let mut lifted = [Dual::<N>::zero(); MOST_PARAMETERS];
-    let lifted = &mut lifted[..p.len()];
-    for (k, (dual, &value)) in lifted.iter_mut().zip(p).enumerate() {
-        *dual = Dual::variable(value, 2 + k);
-    }
-    let force = law.force(
-        Dual::variable(q, 0),
-        Dual::variable(v, 1),
-        lifted,
-        Dual::constant(smoothing),
-    );
-    by_p.copy_from_slice(&force.eps[2..2 + by_p.len()]);
-    JointForceDerivatives {
-        force: force.re,
-        by_q: force.eps[0],
-        by_v: force.eps[1],
-    }
-}
-
 impl<L: ForceLaw> JointForce for OnCoordinate<L> {
     fn force(&self, q: f64, v: f64, p: &[f64], smoothing: f64) -> f64 {
         self.0.force(q, v, p, smoothing)
@@ -156,10 +129,19 @@ impl<L: ForceLaw> JointForce for OnCoordinate<L> {
         smoothing: f64,
         by_p: &mut [f64],
     ) -> JointForceDerivatives {
-        // Numbers as short as hold the derivatives.
-        match p.len() {
-            0..=4 => gradient::<L, 6>(&self.0, [q, v], p, smoothing, by_p),
-            _ => gradient::<L, MOST_VARIABLES>(&self.0, [q, v], p, smoothing, by_p),
+        type Number = Dual<MOST_VARIABLES>;
+        let mut lifted = [Number::zero(); MOST_PARAMETERS];
+        let lifted = &mut lifted[..p.len()];
+        for (k, (dual, &value)) in lifted.iter_mut().zip(p).enumerate() {
+            *dual = Number::variable(value, 2 + k);
+        }
+        let (q, v) = (Number::variable(q, 0), Number::variable(v, 1));
+        let force = self.0.force(q, v, lifted, Number::constant(smoothing));
+        by_p.copy_from_slice(&force.eps[2..2 + by_p.len()]);
+        JointForceDerivatives {
+            force: force.re,
+            by_q: force.eps[0],
+            by_v: force.eps[1],
         }
     }
 

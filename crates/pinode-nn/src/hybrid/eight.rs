@@ -188,10 +188,13 @@ impl Hybrid {
                     None => {
                         for (lane, (inputs, step)) in at.inputs.iter().zip(at.steps).enumerate() {
                             self.input_parts(index, inputs, step, |entry, derivative| {
-                                if let Some(column) = columns[entry] {
-                                    let mut alone = [0.0; LANES];
-                                    alone[lane] = part[lane] * derivative;
-                                    enter(column, &alone);
+                                let Some(column) = columns[entry] else {
+                                    return;
+                                };
+                                let part = part[lane] * derivative;
+                                match of {
+                                    Of::Force(i) => forces[column * n + i][lane] += part,
+                                    Of::Rate(k) => linear[column * below + n + k][lane] += part,
                                 }
                             });
                         }
