@@ -22,11 +22,15 @@ const INTERVALS: f64 = 6.0;
 const PART: f64 = 0.25;
 /// Half width of what is smooth, s at the usual pace, and in periods at most.
 const SMOOTH: (f64, f64) = (0.06, 0.15);
-/// The integration step starts at or below this at the usual pace, s.
-const COARSEST_STEP: f64 = 5e-3;
+/// The integration step starts at or below this at the usual pace, s …
+const COARSEST_STEP: f64 = 10e-3;
+/// … and there are two in a sample that is longer than this: what is late by a part of a sample changes within one.
+const ONE_A_SAMPLE: f64 = 5e-3;
 /// That of stiff models.
 const STIFF_STEP: f64 = 2.5e-3;
-/// Samples of a period of the motion that are kept, at least.
+/// Samples that are closer than this at the usual pace, s, are thinned out …
+const CLOSE_SAMPLES: f64 = 5e-3;
+/// … as far as so many of a period of the motion are left.
 const SAMPLES_PER_PERIOD: f64 = 24.0;
 /// Readings that span less than so many times their noise are of what is at rest, and ways of so many times it show where it goes.
 const MOVES: f64 = 10.0;
@@ -176,11 +180,19 @@ impl Pace {
         self.times.max(1.0) * usual
     }
 
+    /// Integration steps of a sample to begin with.
+    pub fn first_steps(&self, interval: f64, stiff: bool) -> usize {
+        let one = interval <= self.times.max(1.0) * ONE_A_SAMPLE;
+        let steps = (interval / self.coarsest_step(stiff)).ceil() as usize;
+        steps.max(if one { 1 } else { 2 })
+    }
+
     /// Samples that are closer than this, s, cost time and say little more. Those that are kept have the mean of the input between them, held: where it jumps by Δu
     /// within the time h, that is off by up to Δa h²/8.
     pub fn closest_samples(&self) -> f64 {
         let enough = 1.0 / (SAMPLES_PER_PERIOD * self.frequency);
-        self.coarsest_step(false).min(enough).min(self.means)
+        let close = self.times.max(1.0) * CLOSE_SAMPLES;
+        close.min(enough).min(self.means)
     }
 }
 

@@ -28,6 +28,8 @@ const ROUNDS: [usize; 2] = [12, 4];
 /// A rival goes on while it makes good this share of what it lacks in a round, the leader while one gains so many nats.
 const CATCHING_UP: f64 = 0.25;
 const WORTH_A_ROUND: f64 = 1.0;
+/// A fit from where no tolerance is stretched gains so many times that stretch at most.
+const MORE_THAN_STRETCH: f64 = 2.0;
 
 /// A candidate, or a pair of them, refined by a fit.
 #[derive(Clone)]
@@ -331,15 +333,19 @@ impl Contender {
 }
 
 /// Those without states of their own within half of the leader's gain are fitted again from where no tolerance is stretched, once: what the model without them
-/// stretched is still stretched beside what could do without that.
+/// stretched is still stretched beside what could do without that. It gains little more than the stretch: who would not catch up by so much is left alone.
 fn unstretch(study: &Study, current: &Fitted, contenders: &mut [Contender]) {
     let base = current.score(0);
     let scores = contenders.iter().map(|c| c.score - base);
-    let half = 0.5 * scores.fold(0.0, f64::max);
+    let best = scores.fold(0.0, f64::max);
     let is_simple = |c: &Contender| c.added.iter().all(|c| c.kind.states() == 0);
+    let is_near = |c: &Contender| {
+        let gain = c.score - base;
+        gain > 0.5 * best && gain + MORE_THAN_STRETCH * c.fitted.inside.stretch > best
+    };
     contenders
         .par_iter_mut()
-        .filter(|c| !c.was_unstretched && c.score - base > half && is_simple(c))
+        .filter(|c| !c.was_unstretched && is_near(c) && is_simple(c))
         .for_each(|rival| {
             rival.was_unstretched = true;
             if let Some(again) = unstretched(study, &rival.fitted) {

@@ -40,9 +40,9 @@ impl StepLength {
         let count = |which: fn(&bool) -> bool| rests.iter().flatten().filter(|r| which(r)).count();
         let (at_rest, all) = (count(|rests| *rests), count(|_| true));
         let seldom = at_rest > 0 && (at_rest as f64) < MOSTLY * all as f64;
-        let substeps = (interval / pace.coarsest_step(hybrid.is_stiff())).ceil() as usize;
+        let substeps = pace.first_steps(interval, hybrid.is_stiff());
         StepLength {
-            substeps: substeps.clamp(1, MOST_SUBSTEPS),
+            substeps: substeps.min(MOST_SUBSTEPS),
             about_rests: 1,
             rests: Arc::new(if seldom { rests } else { Vec::new() }),
         }

@@ -30,8 +30,9 @@ const FORGOTTEN: f64 = 3.0;
 const STATES_ALONE: usize = 3;
 /// At least so many windows speak for all of them.
 const FEWEST_SOME: usize = 12;
-/// Effects with a memory and stops may take so many times the integration steps of the other ones.
+/// Effects with a memory and stops may take so many times the integration steps of the other ones, or steps of this part of the coarsest.
 const MOST_REFINED: usize = 4;
+const MOST_REFINED_OF_COARSEST: f64 = 8.0;
 
 /// The data under study.
 #[derive(Debug, Clone)]
@@ -178,7 +179,9 @@ impl Study {
         let blows = hybrid.fastest_blow(theta, &self.scales);
         let rate = memory.max(RESOLVED / RESOLVED_BLOWS * blows);
         let each = self.steps.substeps;
-        let most = MOST_SUBSTEPS.min(MOST_REFINED * each);
+        let of_coarsest = MOST_REFINED_OF_COARSEST * self.interval / self.pace.coarsest_step(false);
+        let most = (MOST_REFINED * each).max(of_coarsest.ceil() as usize);
+        let most = most.min(MOST_SUBSTEPS);
         let mut substeps = each;
         while substeps < most && self.interval * rate > RESOLVED * substeps as f64 {
             substeps *= 2;

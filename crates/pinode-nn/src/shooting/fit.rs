@@ -355,20 +355,20 @@ pub fn fit(
     let states_only = surroundings(&[]);
 
     let channels = &observations.channels;
-    let mut now = problem.rolled(&theta, states);
-    for _ in 0..options.state_iterations {
-        let mut of = &problem;
-        let mut reduced = of.reduced(&theta, &mut now, &sigma);
-        // Sensitivities in θ may leave all bounds where those in the states do not.
-        if reduced.iter().any(Option::is_none) {
-            of = &states_only;
-            forget(&mut now);
-            reduced = of.reduced(&theta, &mut now, &sigma);
-        }
-        now = of.stepped_alone(&theta, &now, reduced, &sigma);
-        if of.free.is_empty() && !free.is_empty() {
-            forget(&mut now);
-        }
+    // Where the states move alone they need no derivatives in θ, which may leave all bounds where those in the states do not, until the last step.
+    let alone = options.state_iterations;
+    let mut now = match alone {
+        0 => problem.rolled(&theta, states),
+        _ => states_only.rolled(&theta, states),
+    };
+    for step in 1..=alone {
+        let reduced = states_only.reduced(&theta, &mut now, &sigma);
+        let next = if step == alone {
+            &problem
+        } else {
+            &states_only
+        };
+        now = next.stepped_alone(&theta, &now, reduced, &sigma);
         sigma = spread(channels, &now);
     }
 
@@ -446,13 +446,6 @@ fn by_itself(information: &DMatrix<f64>, window: &Reduced) -> DVector<f64> {
     match Cholesky::new(information - &window.s) {
         Some(others) if !window.g.is_empty() => information * others.solve(&window.g),
         _ => window.g.clone(),
-    }
-}
-
-/// Drops derivatives that are in other columns than the next equations need.
-fn forget(now: &mut [Rolled]) {
-    for window in now {
-        window.trajectory = None;
     }
 }
 

@@ -402,7 +402,14 @@ impl<'a> Problem<'a> {
         }
         best.into_iter()
             .zip(present)
-            .map(|(best, present)| best.map_or_else(|| present.clone(), |(_, rolled)| rolled))
+            .map(|(best, present)| match best {
+                Some((_, rolled)) => rolled,
+                // Its derivatives may be in other columns.
+                None => Rolled {
+                    trajectory: None,
+                    ..present.clone()
+                },
+            })
             .collect()
     }
 

@@ -152,9 +152,16 @@ pub fn diagnosed(model: &Model, log: Log) -> Diagnosis {
 /// The same with these logs held out.
 pub fn diagnosed_beside(model: &Model, log: Log, held_out: &[Log]) -> Diagnosis {
     let dir = tempfile::tempdir().unwrap();
-    diagnose(model, &[log], held_out, dir.path(), 0, &|_| ())
+    let diagnosis = diagnose(model, &[log], held_out, dir.path(), 0, &|_| ())
         .unwrap_or_else(|e| panic!("{e}"))
-        .diagnosis
+        .diagnosis;
+    // What explains less and relieves less comes later.
+    for pair in diagnosis.effects.windows(2) {
+        let [first, second] = [&pair[0], &pair[1]].map(|effect| &effect.evidence);
+        let comes_first = first.gain_fit >= second.gain_fit || first.relief >= second.relief;
+        assert!(comes_first, "{first:?} before {second:?}");
+    }
+    diagnosis
 }
 
 pub fn advises(diagnosis: &Diagnosis, words: &str) -> bool {

@@ -61,8 +61,7 @@ impl Windows {
         let hybrid = usual(model, &pace);
         let length = pace.window();
         let observations = observations.thinned(length / SAMPLES);
-        let coarsest = pace.coarsest_step(hybrid.is_stiff());
-        let substeps = (observations.typical_interval() / coarsest).ceil() as usize;
+        let substeps = pace.first_steps(observations.typical_interval(), hybrid.is_stiff());
         let all = cut(&observations, length);
         // Windows in which nothing happens tell nothing: the half with more motion, evenly.
         let off = |run: &Run| -> f64 { run.q.iter().map(|q| off_line(&run.t, q)).sum() };
@@ -85,7 +84,7 @@ impl Windows {
         (count >= FEWEST_WINDOWS).then(|| Windows {
             moving,
             half_width: pace.half_width(),
-            substeps: substeps.max(1),
+            substeps,
             wraps: hybrid.wraps(),
             hybrid,
             runs,
@@ -94,6 +93,15 @@ impl Windows {
 
     /// What the model leaves of each coordinate where the log is read so, over what the straight line does. Infinite where roll-outs diverge.
     pub fn shares(&self, readings: &[Reading]) -> Vec<f64> {
+        self.left(readings, &self.hybrid.free(), ITERATIONS)
+    }
+
+    /// The same where the initial states alone are fitted.
+    pub fn shares_by_states(&self, readings: &[Reading]) -> Vec<f64> {
+        self.left(readings, &[], (ITERATIONS.0, 0))
+    }
+
+    fn left(&self, readings: &[Reading], free: &[usize], (alone, all): (usize, usize)) -> Vec<f64> {
         let hybrid = &self.hybrid;
         let time = readings.iter().find(|r| r.signal == Signal::Time);
         let second = time.map_or(1.0, |time| time.scale);
@@ -132,7 +140,7 @@ impl Windows {
             hybrid,
             &observations,
             &spans,
-            &hybrid.free(),
+            free,
             theta,
             starts,
             observations.noise(),
@@ -141,8 +149,8 @@ impl Windows {
                 substeps: (second * self.substeps as f64)
                     .ceil()
                     .clamp(1.0, MOST_SUBSTEPS as f64) as usize,
-                state_iterations: ITERATIONS.0,
-                iterations: ITERATIONS.1,
+                state_iterations: alone,
+                iterations: all,
             },
         );
         let of_coordinate = |(c, sizes): (usize, &Sizes)| {
