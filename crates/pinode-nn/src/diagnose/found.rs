@@ -245,6 +245,11 @@ pub fn revisit(
     found
 }
 
+/// What explains most beside the others first: that is not always what was accepted first.
+pub fn in_order_of_contribution(found: &mut [Found]) {
+    found.sort_by(|a, b| b.comparison.total().total_cmp(&a.comparison.total()));
+}
+
 /// The found effect and its best rivals, refined beside all others.
 fn rivals(
     study: &Study,
@@ -359,6 +364,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
 
     use super::super::pushes::tests::{prepared, prepared_with};
+    use super::super::score::Paired;
     use super::super::setup::Prepared;
     use super::*;
 
@@ -375,6 +381,43 @@ mod tests {
             assert_eq!(added.len(), usize::from(stays), "{values:?}");
             assert_eq!(current.hybrid.effects().len(), usize::from(stays));
         }
+    }
+
+    #[test]
+    fn what_explains_and_relieves_more_is_told_first() {
+        let windows = Paired {
+            z: 9.0,
+            gain: 0.0,
+            windows: 75,
+            decided: [75, 0],
+        };
+        let named = |kind, gain, relief| Found {
+            candidate: Candidate::named(kind, 0),
+            confidence: 0.9,
+            alternatives: Vec::new(),
+            indistinguishable: Vec::new(),
+            rivals: Vec::new(),
+            comparison: Comparison {
+                inside: Paired { gain, ..windows },
+                outside: windows,
+                inside_gain: gain / 2250.0,
+                outside_gain: 0.1,
+                relief,
+            },
+            unseen_spring: None,
+            instead: None,
+        };
+        let mut found = [
+            named("viscous_friction", 300.0, 0.0),
+            named("input_delay", 900.0, 0.0),
+            named("input_gain_error", 200.0, 150.0),
+        ];
+        in_order_of_contribution(&mut found);
+        let kinds = found.map(|found| found.candidate.kind.name);
+        assert_eq!(
+            kinds,
+            ["input_delay", "input_gain_error", "viscous_friction"]
+        );
     }
 
     /// In whatever order they were found.

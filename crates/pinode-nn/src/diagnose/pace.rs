@@ -22,15 +22,13 @@ const INTERVALS: f64 = 6.0;
 const PART: f64 = 0.25;
 /// Half width of what is smooth, s at the usual pace, and in periods at most.
 const SMOOTH: (f64, f64) = (0.06, 0.15);
-/// The integration step starts at or below this at the usual pace, s …
+/// The integration step starts at or below this at the usual pace, s.
 const COARSEST_STEP: f64 = 10e-3;
-/// … and there are two in a sample that is longer than this: what is late by a part of a sample changes within one.
-const ONE_A_SAMPLE: f64 = 5e-3;
 /// That of stiff models.
 const STIFF_STEP: f64 = 2.5e-3;
-/// Samples that are closer than this at the usual pace, s, are thinned out …
+/// Samples that are closer than this at the usual pace, s, say little more; longer ones take two steps at least, for what is late by a part of one …
 const CLOSE_SAMPLES: f64 = 5e-3;
-/// … as far as so many of a period of the motion are left.
+/// … and so many of a period of the motion are kept, at least.
 const SAMPLES_PER_PERIOD: f64 = 24.0;
 /// Readings that span less than so many times their noise are of what is at rest, and ways of so many times it show where it goes.
 const MOVES: f64 = 10.0;
@@ -182,17 +180,21 @@ impl Pace {
 
     /// Integration steps of a sample to begin with.
     pub fn first_steps(&self, interval: f64, stiff: bool) -> usize {
-        let one = interval <= self.times.max(1.0) * ONE_A_SAMPLE;
+        let least = if interval <= self.close() { 1 } else { 2 };
         let steps = (interval / self.coarsest_step(stiff)).ceil() as usize;
-        steps.max(if one { 1 } else { 2 })
+        steps.max(least)
+    }
+
+    /// Samples that are closer than this are close, s.
+    fn close(&self) -> f64 {
+        self.times.max(1.0) * CLOSE_SAMPLES
     }
 
     /// Samples that are closer than this, s, cost time and say little more. Those that are kept have the mean of the input between them, held: where it jumps by Δu
     /// within the time h, that is off by up to Δa h²/8.
     pub fn closest_samples(&self) -> f64 {
         let enough = 1.0 / (SAMPLES_PER_PERIOD * self.frequency);
-        let close = self.times.max(1.0) * CLOSE_SAMPLES;
-        close.min(enough).min(self.means)
+        self.close().min(enough).min(self.means)
     }
 }
 
@@ -311,6 +313,22 @@ mod tests {
         }
         let window = Pace::of(&swing(60.0, 1e-3, 20.0)).window();
         assert!((window - 5.0 / 60.0).abs() < 1e-3, "{window}");
+    }
+
+    #[test]
+    fn a_sample_takes_steps_of_ten_milliseconds_and_two_of_them_unless_it_is_close() {
+        let pace = Pace::of(&swing(0.9, 0.02, 60.0));
+        assert_eq!(pace.times(), 1.0);
+        for (interval, steps, of_stiff) in [
+            (0.002, 1, 1),
+            (0.005, 1, 2),
+            (0.0051, 2, 3),
+            (0.02, 2, 8),
+            (0.1, 10, 40),
+        ] {
+            let found = [false, true].map(|stiff| pace.first_steps(interval, stiff));
+            assert_eq!(found, [steps, of_stiff], "{interval}");
+        }
     }
 
     #[test]

@@ -28,7 +28,7 @@ const ROUNDS: [usize; 2] = [12, 4];
 /// A rival goes on while it makes good this share of what it lacks in a round, the leader while one gains so many nats.
 const CATCHING_UP: f64 = 0.25;
 const WORTH_A_ROUND: f64 = 1.0;
-/// A fit from where no tolerance is stretched gains so many times that stretch at most.
+/// A rival is fitted from where no tolerance is stretched where so many times its stretch would make good what it lacks.
 const MORE_THAN_STRETCH: f64 = 2.0;
 
 /// A candidate, or a pair of them, refined by a fit.
@@ -333,7 +333,7 @@ impl Contender {
 }
 
 /// Those without states of their own within half of the leader's gain are fitted again from where no tolerance is stretched, once: what the model without them
-/// stretched is still stretched beside what could do without that. It gains little more than the stretch: who would not catch up by so much is left alone.
+/// stretched is still stretched beside what could do without that. Who would not catch up with the leader by [that much](MORE_THAN_STRETCH) is left alone.
 fn unstretch(study: &Study, current: &Fitted, contenders: &mut [Contender]) {
     let base = current.score(0);
     let scores = contenders.iter().map(|c| c.score - base);

@@ -6,7 +6,7 @@ use super::accept::accept;
 use super::candidate::Candidate;
 use super::clock::of_the_inputs;
 use super::comparison::{Comparison, RELIEF};
-use super::found::{Found, SAME, position, prune, revisit};
+use super::found::{Found, SAME, in_order_of_contribution, position, prune, revisit};
 use super::misfit::explained;
 use super::numerics::{sharp, softened};
 use super::pushes::{is_push, stripped, with_pushes};
@@ -29,8 +29,6 @@ const GENEROUS: u64 = 1;
 /// What follows from something may come of the integration steps where it explains no more nats a sample. These are chosen so that they move a
 /// prediction by less than a third of the noise, 0.05 nats, before it is known that an input is late by a part of one.
 const OF_STEPS: f64 = 0.5;
-/// So often they are halved for that.
-const HALVINGS: usize = 2;
 /// Iterations of the initial states when pushes are taken away.
 const STATES_ALONE: usize = 5;
 
@@ -299,8 +297,7 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
     for found in &mut found {
         found.believe(explained.min(found.share_beside(left.as_ref())));
     }
-    // What was accepted first is not always what explains most beside the others.
-    found.sort_by(|a, b| b.comparison.total().total_cmp(&a.comparison.total()));
+    in_order_of_contribution(&mut found);
     Search {
         gain: Comparison::of(&current, &base).total(),
         null: base.clone(),
@@ -544,38 +541,26 @@ impl Place {
 }
 
 /// Integration steps may be short enough for the noise, and what they miss still follow from something, as from an input that changes within one
-/// of them: where half of them leave nothing beyond doubt, or half of that where it is half of what is left, and what was `added` is what it is called, the study
-/// with those and the model fitted in it.
+/// of them: where half of them leave nothing beyond doubt, and what was `added` is what it is called, the study with those and the model fitted in it.
 fn with_shorter_steps(
     study: &Study,
     current: &Fitted,
     added: &[Candidate],
     report: Report,
 ) -> Option<(Study, Fitted)> {
-    let mut left = current.left(study)?.gain_per_sample;
-    if left > OF_STEPS {
+    let left = current.left(study)?;
+    if left.gain_per_sample > OF_STEPS {
         return None;
     }
-    let (mut fine, mut fitted) = (study.clone(), current.clone());
-    for _ in 0..HALVINGS {
-        fine = fine.with_half_the_steps();
-        let start = fitted.start(fitted.inside.theta.clone());
-        fitted = fine.fit(fitted.hybrid.clone(), start, 1, ITERATIONS);
-        if !added.iter().all(|c| is_sensible(&fine, c, &fitted)) {
-            return None;
-        }
-        match fitted.left(&fine).map(|left| left.gain_per_sample) {
-            None => {
-                report(
-                    "what was left came of the length of the integration steps: shorter ones leave nothing",
-                );
-                return Some((fine, fitted));
-            }
-            Some(still) if still > 0.5 * left => return None,
-            Some(still) => left = still,
-        }
+    let fine = study.with_half_the_steps();
+    let start = current.start(current.inside.theta.clone());
+    let again = fine.fit(current.hybrid.clone(), start, 1, ITERATIONS);
+    let is_itself = |candidate: &Candidate| is_sensible(&fine, candidate, &again);
+    if again.left(&fine).is_some() || !added.iter().all(is_itself) {
+        return None;
     }
-    None
+    report("what was left came of the length of the integration steps: half of it leaves nothing");
+    Some((fine, again))
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use integrators::event::Direction;
 
 use super::candidate::Candidate;
 use super::comparison::Comparison;
-use super::found::{position, prune, stripped, without};
+use super::found::{in_order_of_contribution, position, prune, stripped, without};
 use super::numerics::{COUNTS, sharp, shows};
 use super::refine::{does_more, is_sensible};
 use super::search::Search;
@@ -67,6 +67,7 @@ pub fn simplify(
             changed = true;
         }
     }
+    in_order_of_contribution(&mut search.found);
     changed.then_some(study)
 }
 

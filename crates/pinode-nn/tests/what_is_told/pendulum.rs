@@ -155,10 +155,10 @@ pub fn diagnosed_beside(model: &Model, log: Log, held_out: &[Log]) -> Diagnosis 
     let diagnosis = diagnose(model, &[log], held_out, dir.path(), 0, &|_| ())
         .unwrap_or_else(|e| panic!("{e}"))
         .diagnosis;
-    // What explains less and relieves less comes later.
+    // What explains less and relieves no more comes later.
     for pair in diagnosis.effects.windows(2) {
         let [first, second] = [&pair[0], &pair[1]].map(|effect| &effect.evidence);
-        let comes_first = first.gain_fit >= second.gain_fit || first.relief >= second.relief;
+        let comes_first = first.gain_fit >= second.gain_fit || first.relief > second.relief;
         assert!(comes_first, "{first:?} before {second:?}");
     }
     diagnosis

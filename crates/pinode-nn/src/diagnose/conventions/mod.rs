@@ -320,7 +320,7 @@ fn tried_ways(windows: &Windows, mut ways: Vec<Vec<Reading>>) -> Vec<Tried> {
     ways.collect()
 }
 
-/// At most [`MOST_FITTED`] of these ways, those that explain most where the initial states alone are fitted: that takes a fifth of the time.
+/// At most [`MOST_FITTED`] of these ways, those that explain most where the initial states alone are fitted.
 fn likeliest(windows: &Windows, ways: Vec<Vec<Reading>>) -> Vec<Vec<Reading>> {
     if ways.len() <= MOST_FITTED {
         return ways;
