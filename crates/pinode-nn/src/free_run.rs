@@ -15,7 +15,8 @@ use crate::log::Run;
 use crate::model::Model;
 use crate::motion::check_free;
 use crate::shooting::{
-    Channel, Diverged, Observations, ObservedRun, Roller, Trajectory, over_samples, wrap_angle,
+    Channel, Diverged, Finer, Observations, ObservedRun, Roller, Trajectory, over_samples,
+    wrap_angle,
 };
 
 /// Integration steps are not longer than this unless asked for, s.
@@ -59,7 +60,7 @@ pub fn initial_states(model: &Model, run: &Run, kind: Initial) -> Vec<Vec<f64>> 
     match kind {
         Initial::Estimated => {
             let observed = ObservedRun {
-                finer: Vec::new(),
+                finer: Finer::default(),
                 t: run.t.clone(),
                 u: Vec::new(),
                 valid: vec![vec![true; run.len()]; q.len()],

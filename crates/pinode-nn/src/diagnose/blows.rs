@@ -151,7 +151,7 @@ fn turn((run, c): (&ObservedRun, usize), z: &[f64], k: usize, count: usize) -> O
 mod tests {
     use super::*;
     use crate::bins::pseudo;
-    use crate::shooting::Channel;
+    use crate::shooting::{Channel, Finer};
 
     const DT: f64 = 0.01;
 
@@ -164,7 +164,7 @@ mod tests {
                 noise,
             }],
             runs: vec![ObservedRun {
-                finer: Vec::new(),
+                finer: Finer::default(),
                 t: (0..y.len()).map(|k| DT * k as f64).collect(),
                 valid: vec![vec![true; y.len()]],
                 u: vec![],

@@ -278,12 +278,13 @@ fn continuous(mut curves: FreeRunCoordinate, wraps: bool) -> FreeRunCoordinate {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shooting::Finer;
 
     /// Of four samples all four were the start's, and the error of none of them 0.
     #[test]
     fn some_samples_run_free_however_coarse_the_log_is() {
         let run = |interval: f64| ObservedRun {
-            finer: Vec::new(),
+            finer: Finer::default(),
             t: (0..40).map(|k| interval * f64::from(k)).collect(),
             u: Vec::new(),
             y: Vec::new(),

@@ -54,7 +54,7 @@ pub mod tests {
     #![allow(clippy::unwrap_used)]
 
     use super::*;
-    use crate::shooting::{Channel, ObservedRun};
+    use crate::shooting::{Channel, Finer, ObservedRun};
 
     /// 100 s at 10 Hz: an input of 1 from 20 to 21 s, a position that moves from 20 to 22 s.
     fn a_push() -> Observations {
@@ -78,7 +78,7 @@ pub mod tests {
                 noise: 1e-3,
             }],
             runs: vec![ObservedRun {
-                finer: Vec::new(),
+                finer: Finer::default(),
                 u: vec![u],
                 y: vec![y],
                 valid: vec![vec![true; t.len()]],

@@ -216,6 +216,7 @@ fn key(study: &Study, hybrid: &Hybrid, start: &Start, iterations: [usize; 2]) ->
     let counts = [
         study.steps.substeps,
         study.steps.about_rests,
+        study.steps_of_blows(hybrid),
         study.finer,
         stiff,
         iterations[0],

@@ -187,7 +187,7 @@ mod tests {
     use super::*;
     use crate::bins::pseudo;
     use crate::model::Model;
-    use crate::shooting::{Channel, ObservedRun};
+    use crate::shooting::{Channel, Finer, ObservedRun};
 
     const DT: f64 = 0.02;
     const NOISE: f64 = 1e-3;
@@ -213,7 +213,7 @@ mod tests {
             }
         }
         let run = ObservedRun {
-            finer: Vec::new(),
+            finer: Finer::default(),
             valid: vec![vec![true; y.len()]],
             t,
             u: vec![u],

@@ -83,13 +83,14 @@ pub fn prepare(
         &names,
     );
     let interval = observations.typical_interval();
-    let steps = StepLength::first(&hybrid, &smoothed, &pace, interval);
-    let mut study = Study {
+    let moving = (&observations, &scales[..]);
+    let steps = StepLength::first(&hybrid, &smoothed, moving, &pace, interval);
+    let study = Study {
         pace,
         scales,
         smoothed: Arc::new(smoothed.clone()),
         interval,
-        steps,
+        steps: steps.clone(),
         finer: 1,
         may_sharpen: model.effects.iter().all(|e| e.smoothing.is_none()),
         without: means.without.clone(),
@@ -98,6 +99,7 @@ pub fn prepare(
         observations,
         windows,
     };
+    let mut study = study.with_steps(steps);
     let theta = hybrid.theta();
     let measured = |windows: &[Window]| study.starts(&hybrid, &theta, windows, None);
     let start = Start {

@@ -158,6 +158,7 @@ pub fn polynomial<const N: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shooting::Finer;
 
     #[test]
     fn a_cubic_motion_is_met_exactly_across_the_wrap() {
@@ -165,7 +166,7 @@ mod tests {
         let q = |t: f64| 1.0 + 2.0 * t - 3.0 * t * t + 4.0 * t.powi(3);
         let y = t.iter().map(|&t| wrap_angle(q(t))).collect();
         let run = ObservedRun {
-            finer: Vec::new(),
+            finer: Finer::default(),
             valid: vec![vec![true; t.len()]],
             u: vec![],
             y: vec![y],

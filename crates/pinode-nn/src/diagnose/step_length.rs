@@ -3,15 +3,16 @@
 //! Dry friction turns round with its joint within a small part of the time between two samples. Steps that follow it are many times shorter than those that
 //! everything else asks for, and they are needed about rests alone: from samples between which a joint turns round, or nearly, they are shorter by a factor
 //! of their own. Those alone are halved, or the others alone, where that does as well as half of all; until half of all moves the roll-outs by a small part of
-//! the noise.
+//! the noise. Blows on an end of a range are shorter still, and where they are the log says: there models with stops take shorter steps from the beginning.
 
 use std::sync::Arc;
 
 use super::pace::Pace;
 use super::smooth::Smoothed;
 use super::study::{Fitted, MOST_SUBSTEPS, Study};
-use crate::hybrid::Hybrid;
-use crate::shooting::{Member, ObservedRun, Trajectory, roll_all};
+use crate::effect::Scales;
+use crate::hybrid::{Hybrid, Placed};
+use crate::shooting::{Finer, Member, Observations, ObservedRun, Trajectory, roll_all};
 
 /// The integration step is halved until that moves the roll-outs by less than this part of the noise.
 const STEP_ERROR: f64 = 0.3;
@@ -19,8 +20,12 @@ const STEP_ERROR: f64 = 0.3;
 const AS_WELL: f64 = 0.1;
 /// A joint rests that is slower than so many times the speed over which its friction changes sign …
 const SLOW: f64 = 4.0;
-/// … and what rests in more than this part of the samples has no steps of its own there.
+/// … and what rests, or is struck, in more than this part of the samples has no steps of its own there.
 const MOSTLY: f64 = 0.5;
+/// Where blows are, models with stops begin with so many times as many steps as are taken elsewhere at first: from samples no further from the end than what
+/// strikes it goes in so many intervals, and so many times the noise.
+const ABOUT_BLOWS: usize = 8;
+const NEAR: (f64, f64) = (1.5, 5.0);
 
 /// The lengths of the steps.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,32 +34,75 @@ pub struct StepLength {
     pub substeps: usize,
     /// So many times as many about rests.
     pub about_rests: usize,
+    /// Of models with stops, per log sample where blows are; as many as elsewhere where there are none, or hardly anything else.
+    of_blows: usize,
     /// From which samples of each recording a joint rests or turns round before the next one; none where that is most of them.
     rests: Arc<Vec<Vec<bool>>>,
+    /// From which a joint may strike an end of its range before the next one; the same.
+    blows: Arc<Vec<Vec<bool>>>,
 }
 
 impl StepLength {
-    /// That of a first fit to what was observed `interval` s apart.
-    pub fn first(hybrid: &Hybrid, smoothed: &[Smoothed], pace: &Pace, interval: f64) -> Self {
-        let rests: Vec<Vec<bool>> = smoothed.iter().map(|run| rests(hybrid, run)).collect();
-        let count = |which: fn(&bool) -> bool| rests.iter().flatten().filter(|r| which(r)).count();
-        let (at_rest, all) = (count(|rests| *rests), count(|_| true));
-        let seldom = at_rest > 0 && (at_rest as f64) < MOSTLY * all as f64;
-        let substeps = pace.first_steps(interval, hybrid.is_stiff());
+    /// That of a first fit to what was observed `interval` s apart, in which coordinates move on these scales.
+    pub fn first(
+        hybrid: &Hybrid,
+        smoothed: &[Smoothed],
+        (observations, scales): (&Observations, &[Scales]),
+        pace: &Pace,
+        interval: f64,
+    ) -> Self {
+        let rests = smoothed.iter().map(|run| rests(hybrid, run)).collect();
+        let blows = observations.runs.iter().map(|run| blows(run, scales));
+        let blows = seldom(blows.collect());
+        let substeps = pace
+            .first_steps(interval, hybrid.is_stiff())
+            .min(MOST_SUBSTEPS);
         StepLength {
-            substeps: substeps.min(MOST_SUBSTEPS),
+            substeps,
             about_rests: 1,
-            rests: Arc::new(if seldom { rests } else { Vec::new() }),
+            of_blows: MOST_SUBSTEPS.min(ABOUT_BLOWS * substeps),
+            rests: Arc::new(seldom(rests)),
+            blows: Arc::new(blows),
         }
     }
 
-    /// How many times as many steps are taken from each sample of a recording as from others.
-    fn times(&self, run: usize) -> Vec<usize> {
-        let of = |rests: &bool| if *rests { self.about_rests } else { 1 };
-        match self.rests.get(run) {
-            Some(rests) if self.about_rests > 1 => rests.iter().map(of).collect(),
-            _ => Vec::new(),
+    /// So many times as many where blows are as elsewhere.
+    fn about_blows(&self) -> usize {
+        match self.blows.is_empty() {
+            true => 1,
+            false => self.of_blows.div_ceil(self.substeps).max(1),
         }
+    }
+
+    /// From which samples of a recording steps are shorter.
+    fn finer(&self, run: usize) -> Finer {
+        let of = |there: &[Vec<bool>], times: usize| -> Vec<usize> {
+            let of = |there: &bool| if *there { times } else { 1 };
+            match there.get(run) {
+                Some(there) if times > 1 => there.iter().map(of).collect(),
+                _ => Vec::new(),
+            }
+        };
+        let usual = of(&self.rests, self.about_rests);
+        let mut of_stops = of(&self.blows, self.about_blows());
+        match of_stops.is_empty() {
+            true => of_stops.clone_from(&usual),
+            false => {
+                let both = of_stops.iter_mut().zip(&usual);
+                both.for_each(|(blow, rest)| *blow = (*blow).max(*rest));
+            }
+        }
+        Finer { usual, of_stops }
+    }
+}
+
+/// Of each recording what is in some of the samples, but not in most; else nothing.
+fn seldom(there: Vec<Vec<bool>>) -> Vec<Vec<bool>> {
+    let count = |which: fn(&bool) -> bool| there.iter().flatten().filter(|t| which(t)).count();
+    let (some, all) = (count(|there| *there), count(|_| true));
+    match some > 0 && (some as f64) < MOSTLY * all as f64 {
+        true => there,
+        false => Vec::new(),
     }
 }
 
@@ -72,15 +120,60 @@ fn rests(hybrid: &Hybrid, smoothed: &Smoothed) -> Vec<bool> {
     rests
 }
 
+/// From which samples on a joint may strike what its log shows it to strike.
+fn blows(run: &ObservedRun, scales: &[Scales]) -> Vec<bool> {
+    let mut blows = vec![false; run.t.len().saturating_sub(1)];
+    for (scales, y) in scales.iter().zip(&run.y) {
+        for end in scales.struck.iter().flatten() {
+            for (k, blows) in blows.iter_mut().enumerate() {
+                let way = NEAR.0 * end.speed * (run.t[k + 1] - run.t[k]);
+                let near = |y: f64| (y - end.place).abs() < way + NEAR.1 * scales.noise;
+                *blows |= near(y[k]) || near(y[k + 1]);
+            }
+        }
+    }
+    blows
+}
+
 impl Study {
-    /// The same with so many steps, and times as many about rests.
-    pub fn stepped(&self, substeps: usize, about_rests: usize) -> Self {
+    /// The same with steps of these lengths.
+    pub fn with_steps(&self, steps: StepLength) -> Self {
         let mut study = self.clone();
-        (study.steps.substeps, study.steps.about_rests) = (substeps, about_rests);
+        study.steps = steps;
         for (k, run) in study.observations.runs.iter_mut().enumerate() {
-            run.finer = study.steps.times(k);
+            run.finer = study.steps.finer(k);
         }
         study
+    }
+
+    /// The same with so many steps, and times as many about rests.
+    fn stepped(&self, substeps: usize, about_rests: usize) -> Self {
+        self.with_steps(StepLength {
+            substeps,
+            about_rests,
+            ..self.steps.clone()
+        })
+    }
+
+    /// The same with half of the steps where blows are.
+    pub fn with_shorter_blows(&self) -> Self {
+        match self.steps.blows.is_empty() {
+            true => self.with_half_the_steps(),
+            false => self.with_steps(StepLength {
+                of_blows: 2 * self.steps.of_blows,
+                ..self.steps.clone()
+            }),
+        }
+    }
+
+    /// So many times as many steps a model takes where it is struck as elsewhere: its stops may be where the log shows no blows.
+    pub fn steps_of_blows(&self, hybrid: &Hybrid) -> usize {
+        let mut stops = hybrid.effects().iter().filter(|e| e.kind.stop().is_some());
+        let scales = |e: &Placed| &self.scales[hybrid.coordinate_of(e.kind, e.target)];
+        match stops.all(|stop| scales(stop).struck != [None; 2]) {
+            true => self.steps.about_blows(),
+            false => 1,
+        }
     }
 
     /// The study with half of those steps that are too long for a fitted model to be rolled out to a part of these units, one a channel. `None` where none are,
@@ -167,4 +260,62 @@ fn largest_change(
         false => errors.len() * 9 / 10,
     };
     errors.get(counts).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::Struck;
+
+    /// A ball between walls at ±1, at 1 m/s and 20 readings a second: four seconds from wall to wall and back.
+    #[test]
+    fn steps_are_shorter_where_the_log_shows_blows_and_nowhere_else() {
+        let t: Vec<f64> = (0..400).map(|k| 0.05 * f64::from(k)).collect();
+        let place = |t: &f64| 1.0 - (t.rem_euclid(4.0) - 2.0).abs();
+        let run = ObservedRun {
+            y: vec![t.iter().map(place).collect()],
+            valid: vec![vec![true; t.len()]],
+            u: Vec::new(),
+            finer: Finer::default(),
+            t,
+        };
+        let wall = |place| Struck {
+            place,
+            speed: 1.0,
+            restitution: 1.0,
+            within: 0.05,
+        };
+        let scales = |struck| Scales {
+            struck,
+            ..Scales::example()
+        };
+        let steps = |struck| {
+            let blows = seldom(vec![blows(&run, &[scales(struck)])]);
+            StepLength {
+                substeps: 2,
+                about_rests: 1,
+                of_blows: 15,
+                rests: Arc::default(),
+                blows: Arc::new(blows),
+            }
+        };
+        let Finer { usual, of_stops } = steps([Some(wall(-1.0)), Some(wall(1.0))]).finer(0);
+        assert!(usual.is_empty());
+        for (k, times) in of_stops.iter().enumerate() {
+            let to_next = |t: f64| (t.rem_euclid(2.0)).min(2.0 - t.rem_euclid(2.0));
+            let (from, to) = (to_next(0.05 * k as f64), to_next(0.05 * (k + 1) as f64));
+            match from.min(to) {
+                near if near < 0.04 => assert_eq!(*times, 8, "{k}"),
+                far if far > 0.1 => assert_eq!(*times, 1, "{k}"),
+                _ => {}
+            }
+        }
+        assert_eq!(steps([None; 2]).finer(0), Finer::default());
+        // About a wall in the middle of where it mostly is, all steps are as short.
+        let everywhere = Struck {
+            speed: 20.0,
+            ..wall(0.0)
+        };
+        assert_eq!(steps([Some(everywhere), None]).finer(0), Finer::default());
+    }
 }

@@ -64,9 +64,13 @@ pub fn hardened(study: &Study, search: &Search) -> Option<(Study, Fitted)> {
             ends.any(|end| 0.5 * end.ahead(e, lasting) > scales.noise)
         })
     };
-    let (mut finer, mut steps) = (study.clone(), fitted.substeps);
-    while finer.finer < FINER * study.finer && 2 * steps <= MOST_SUBSTEPS && shows(steps) {
-        finer.finer *= 2;
+    let (mut finer, mut steps) = (
+        study.clone(),
+        fitted.substeps * study.steps_of_blows(hybrid),
+    );
+    let most = MOST_SUBSTEPS.min(FINER * steps);
+    while 2 * steps <= most && shows(steps) {
+        finer = finer.with_shorter_blows();
         steps *= 2;
     }
     let mut harder = false;

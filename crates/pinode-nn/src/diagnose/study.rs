@@ -175,23 +175,35 @@ impl Study {
 
     /// Integration steps per log sample for a model at θ: more than else where an effect with a memory is fast, or a stop hard.
     pub fn substeps_for(&self, hybrid: &Hybrid, theta: &[f64]) -> usize {
-        let memory = hybrid.fastest_memory(theta, &self.scales);
-        let blows = hybrid.fastest_blow(theta, &self.scales);
-        let rate = memory.max(RESOLVED / RESOLVED_BLOWS * blows);
-        let each = self.steps.substeps;
+        let memory = self.interval * hybrid.fastest_memory(theta, &self.scales);
+        let blows = self.interval * hybrid.fastest_blow(theta, &self.scales);
         let of_coarsest = MOST_REFINED_OF_COARSEST * self.interval / self.pace.coarsest_step(false);
+        let each = self.steps.substeps;
         let most = (MOST_REFINED * each).max(of_coarsest.ceil() as usize);
         let most = most.min(MOST_SUBSTEPS);
+        // Of a blow there are more of them already.
+        let of_blow = self.steps_of_blows(hybrid);
+        let follows = |steps: usize, rate: f64, resolved: f64| {
+            steps >= most || rate <= resolved * steps as f64
+        };
         let mut substeps = each;
-        while substeps < most && self.interval * rate > RESOLVED * substeps as f64 {
+        while !(follows(substeps, memory, RESOLVED)
+            && follows(substeps * of_blow, blows, RESOLVED_BLOWS))
+        {
             substeps *= 2;
         }
         substeps * self.finer
     }
 
-    /// The same in a simulation, of which nobody knows beforehand where it rests.
+    /// The same in a simulation, of which nobody knows beforehand where it rests or is struck.
     pub fn substeps_anywhere(&self, hybrid: &Hybrid, theta: &[f64]) -> usize {
-        self.substeps_for(hybrid, theta) * self.steps.about_rests
+        let has_stops = hybrid.effects().iter().any(|e| e.kind.stop().is_some());
+        let about_blows = if has_stops {
+            self.steps_of_blows(hybrid)
+        } else {
+            1
+        };
+        self.substeps_for(hybrid, theta) * self.steps.about_rests.max(about_blows)
     }
 
     /// Whether these steps follow the effects with a memory of a model at θ: what is much faster than the samples is not in the data.

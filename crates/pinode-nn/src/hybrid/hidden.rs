@@ -150,6 +150,11 @@ impl Hybrid {
         })
     }
 
+    /// Whether an effect is a stop.
+    pub fn has_stops(&self) -> bool {
+        self.effects.iter().any(|e| e.kind.stop().is_some())
+    }
+
     /// The fastest rate of the blows on stops, 1/s.
     pub fn fastest_blow(&self, theta: &[f64], scales: &[Scales]) -> f64 {
         self.fastest(theta, scales, |kind, scale, p| {

@@ -20,7 +20,7 @@ pub(crate) use eight::{Member, roll_all};
 pub use fit::{Fit, FitOptions, fit};
 pub(crate) use normal::{Accumulator, Residual};
 pub use normal::{Reduced, WindowNormal};
-pub use observation::{Channel, Observations, ObservedRun, wrap_angle};
+pub use observation::{Channel, Finer, Observations, ObservedRun, wrap_angle};
 pub use problem::HiddenPrior;
 pub(crate) use roll::over_samples;
 pub use roll::{Diverged, Roller, Trajectory};

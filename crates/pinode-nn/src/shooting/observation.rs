@@ -60,8 +60,17 @@ pub struct ObservedRun {
     pub y: Vec<Vec<f64>>,
     /// Whether each measurement counts; false: masked as an outlier or a fault.
     pub valid: Vec<Vec<bool>>,
-    /// How many times as many integration steps are taken from each sample to the next as from others; from all as many where it is empty.
-    pub finer: Vec<usize>,
+    /// From which samples integration steps are shorter.
+    pub finer: Finer,
+}
+
+/// How many times as many integration steps are taken from each sample to the next as from others; from all as many where it is empty.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Finer {
+    /// Of models without stops.
+    pub usual: Vec<usize>,
+    /// Of those with stops.
+    pub of_stops: Vec<usize>,
 }
 
 /// All that was measured: the same channels in every recording. The first channels are the positions, in order.
@@ -105,7 +114,11 @@ impl ObservedRun {
         theta: &[f64],
         free: &[usize],
     ) -> DrivenInputs {
-        let grid = Grid::finer(&self.t, substeps, &self.finer);
+        let finer = match hybrid.has_stops() {
+            true => &self.finer.of_stops,
+            false => &self.finer.usual,
+        };
+        let grid = Grid::finer(&self.t, substeps, finer);
         hybrid.drive_on(grid, &self.u, theta, free)
     }
 
@@ -128,7 +141,7 @@ impl ObservedRun {
         };
         let pick = |y: &[f64]| kept.iter().map(|&k| y[k]).collect();
         ObservedRun {
-            finer: Vec::new(),
+            finer: Finer::default(),
             t: pick(&self.t),
             u: self
                 .u
@@ -159,7 +172,7 @@ mod tests {
         let t: Vec<f64> = (0..101).map(|k| k as f64 * 1e-3).collect();
         let u: Vec<f64> = (0..101).map(|k| (k * k) as f64).collect();
         let run = ObservedRun {
-            finer: Vec::new(),
+            finer: Finer::default(),
             y: vec![u.clone()],
             valid: vec![vec![true; 101]],
             u: vec![u.clone()],

@@ -105,7 +105,7 @@ mod tests {
     use crate::model::Model;
     use crate::shooting::problem::Problem;
     use crate::shooting::{
-        Channel, FitOptions, HiddenPrior, Observations, ObservedRun, consecutive, fit,
+        Channel, Finer, FitOptions, HiddenPrior, Observations, ObservedRun, consecutive, fit,
     };
 
     const NOISE: f64 = 1e-3;
@@ -144,7 +144,7 @@ mod tests {
                 noise: NOISE,
             }],
             runs: vec![ObservedRun {
-                finer: Vec::new(),
+                finer: Finer::default(),
                 valid: vec![vec![true; t.len()]],
                 u: Vec::new(),
                 y: vec![x.clone()],

@@ -109,7 +109,7 @@ pub fn consecutive(run: usize, t: &[f64], duration: f64) -> Vec<Window> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::observation::ObservedRun;
+    use super::super::observation::{Finer, ObservedRun};
     use super::*;
 
     fn recording(seconds: f64) -> ObservedRun {
@@ -117,7 +117,7 @@ mod tests {
             .map(|k| k as f64 * 0.02)
             .collect();
         ObservedRun {
-            finer: Vec::new(),
+            finer: Finer::default(),
             y: vec![],
             u: vec![],
             valid: vec![],

@@ -23,7 +23,7 @@ use super::smooth::{outruns_folding, unwrapped};
 use super::verdict::DataFault;
 use crate::log::{Log, Run};
 use crate::model::{Model, Velocity};
-use crate::shooting::{Channel, Observations, ObservedRun};
+use crate::shooting::{Channel, Finer, Observations, ObservedRun};
 
 pub use excitation::excitation;
 pub use masked::Masked;
@@ -263,7 +263,7 @@ pub fn audit(model: &Model, logs: &[Log], held_out: &[Log]) -> Audited {
         .map(|(r, run)| {
             let kept = || kept[r].clone();
             ObservedRun {
-                finer: Vec::new(),
+                finer: Finer::default(),
                 t: times[r][kept()].to_vec(),
                 u: run.u.iter().map(|u| u[kept()].to_vec()).collect(),
                 y: columns

@@ -11,7 +11,7 @@ use crate::log::{Log, Run};
 use crate::model::Model;
 use crate::poses::Poses;
 use crate::shooting::{
-    Channel, FitOptions, HiddenPrior, Observations, ObservedRun, Window, consecutive, fit,
+    Channel, Finer, FitOptions, HiddenPrior, Observations, ObservedRun, Window, consecutive, fit,
 };
 
 /// So many windows are looked at, and no fewer, …
@@ -304,7 +304,7 @@ fn usual(model: &Model, pace: &Pace) -> Hybrid {
 
 fn observed(run: &Run) -> ObservedRun {
     ObservedRun {
-        finer: Vec::new(),
+        finer: Finer::default(),
         t: run.t.clone(),
         u: run.u.clone(),
         valid: run.q.iter().map(|q| vec![true; q.len()]).collect(),
