@@ -3,14 +3,13 @@
 //! r = M(q) v̇ + C(q, v) v + G(q) − Q_model with q, v, v̇ from local cubics through the measurements. This explains and orders; it
 //! does not decide: its noise is too high for that.
 
+use super::accelerations::{Seen, modelled};
 use super::audit::Masked;
 use super::curves::ResidualForce;
 use super::signals::Signals;
 use super::smooth::Smoothed;
 use super::study::{Fitted, Study};
 use super::verdict::Disagreement;
-use crate::hybrid::{Reading, State};
-use crate::shooting::ObservedRun;
 
 /// Over what time the change of an input is asked, s at the usual pace.
 const CHANGE_S: f64 = 0.08;
@@ -39,16 +38,9 @@ pub fn locate(
 
     for (r, run) in study.observations.runs.iter().enumerate() {
         let smooth = &smoothed[r];
-        let interval = (run.t.last().unwrap_or(&0.0) - run.t.first().unwrap_or(&0.0))
-            / run.t.len().saturating_sub(1).max(1) as f64;
-        // Samples a quarter of the kernel apart: closer ones say the same.
-        let stride = ((0.5 * half_width / interval.max(1e-12)) as usize).max(1);
-        let side = ((half_width / interval.max(1e-12)) as usize).max(3) as f64;
-        // Deviation of a local quadratic's or cubic's second derivative over 2 side + 1 samples of unit noise.
-        let curvature_noise = (720.0 / (2.0 * side + 1.0).powi(5)).sqrt() / interval.powi(2);
-        let lag = ((change / interval.max(1e-12)) as usize).max(1);
-        let modelled = modelled_accelerations(fitted, run, smooth, &readings);
-        let kernel = kernel(side as usize);
+        let seen = Seen::of(&run.t, half_width);
+        let lag = ((change / seen.interval) as usize).max(1);
+        let modelled = modelled((hybrid, theta), run, smooth);
         let mut reversal = vec![run.t[0]; nv];
         for k in 0..run.t.len().saturating_sub(1) {
             for (c, since) in reversal.iter_mut().enumerate() {
@@ -56,7 +48,7 @@ pub fn locate(
                     *since = run.t[k];
                 }
             }
-            if k % stride != 0 || (k as f64) < side || k as f64 + side >= run.t.len() as f64 {
+            if k % seen.stride != 0 || !seen.reaches(k, run.t.len()) {
                 continue;
             }
             if masked.touches(r, run.t[k] - half_width, run.t[k] + half_width) {
@@ -66,7 +58,7 @@ pub fn locate(
             let q: Vec<f64> = (0..nv)
                 .map(|c| readings[c].position_of(state[c], state[nv + c]))
                 .collect();
-            let model = averaged(&modelled, k, &kernel);
+            let model = seen.averaged(&modelled, k);
             hybrid.mass_matrix_into(&q, theta, &mut memory, &mut mass);
             // M (measured acceleration − modelled acceleration) is the missing force.
             for i in 0..nv {
@@ -74,7 +66,7 @@ pub fn locate(
                 let mut variance = 0.0;
                 for j in 0..nv {
                     force += mass[(i, j)] * (smooth.a[j][k] - model[j]);
-                    let noise = study.observations.channels[j].noise * curvature_noise;
+                    let noise = study.observations.channels[j].noise * seen.noise;
                     variance += (mass[(i, j)] * noise).powi(2);
                 }
                 residuals[i].push(force);
@@ -139,68 +131,6 @@ pub fn locate(
     out.into_iter().map(|(_, d, r)| (d, r)).unzip()
 }
 
-/// v̇ of the model over every sample interval of a recording: the mean of both ends, at the smoothed states and the input held.
-fn modelled_accelerations(
-    fitted: &Fitted,
-    run: &ObservedRun,
-    smooth: &Smoothed,
-    readings: &[Reading],
-) -> Vec<Vec<f64>> {
-    let hybrid = &fitted.hybrid;
-    let theta = &fitted.inside.theta;
-    let nv = hybrid.nv();
-    let inputs = hybrid.drive(&run.t, &run.u, 1, theta, &[]);
-    let mut memory = hybrid.memory(&[]);
-    let read = |sample: usize| -> Vec<f64> {
-        let mut state = smooth.state(sample);
-        for (c, reading) in readings.iter().enumerate() {
-            state[c] = reading.position_of(state[c], state[nv + c]);
-        }
-        state
-    };
-    let path = hybrid.hidden_path(theta, &inputs, &read);
-    let mut at = |sample: usize, step: usize| -> Vec<f64> {
-        let state = read(sample);
-        let (q, v) = state.split_at(nv);
-        let h = path.at(sample);
-        match hybrid.acceleration(State { q, v, h }, theta, &inputs, step, &mut memory) {
-            Ok(()) => memory.acceleration.as_slice().to_vec(),
-            Err(_) => (0..nv).map(|c| smooth.a[c][sample]).collect(),
-        }
-    };
-    (0..run.t.len().saturating_sub(1))
-        .map(|k| {
-            let ends = at(k, k).into_iter().zip(at(k + 1, k));
-            ends.map(|(a, b)| 0.5 * (a + b)).collect()
-        })
-        .collect()
-}
-
-/// The weights with which the second derivative of a local quadratic or cubic over the samples −m … m sees the true acceleration over
-/// each of the 2m intervals; their sum is 1.
-///
-/// That derivative is Σ c_i y_i with c_i ∝ i² − m(m + 1)/3 and Σ c_i i² = 2; an acceleration at time s counts K(s) = Σ_{i>s} c_i (i − s).
-fn kernel(m: usize) -> Vec<f64> {
-    let m = m as i64;
-    let middle = (m * (m + 1)) as f64 / 3.0;
-    let raw = |i: i64| (i * i) as f64 - middle;
-    let norm: f64 = (-m..=m).map(|i| raw(i) * (i * i) as f64).sum::<f64>() / 2.0;
-    let k = |j: i64| (j..=m).map(|i| raw(i) * (i - j) as f64).sum::<f64>() / norm;
-    (-m..m).map(|j| 0.5 * (k(j) + k(j + 1))).collect()
-}
-
-/// The modelled accelerations around sample `k` as the smoothing sees the true ones: it takes the same from both.
-fn averaged(modelled: &[Vec<f64>], k: usize, kernel: &[f64]) -> Vec<f64> {
-    let first = k - kernel.len() / 2;
-    let mut sum = vec![0.0; modelled[k].len()];
-    for (weight, acceleration) in kernel.iter().zip(&modelled[first..]) {
-        for (sum, a) in sum.iter_mut().zip(acceleration) {
-            *sum += weight * a;
-        }
-    }
-    sum
-}
-
 /// The times around which the force is largest: the upper twentieth, joined where close, the longest ten.
 fn intervals(times: &[(usize, f64)], force: &[f64], half_width: f64) -> Vec<[f64; 2]> {
     let mut sizes: Vec<f64> = force.iter().map(|f| f.abs()).collect();
@@ -228,35 +158,4 @@ fn intervals(times: &[(usize, f64)], force: &[f64], half_width: f64) -> Vec<[f64
     intervals.truncate(10);
     intervals.sort_by(|a, b| a[0].total_cmp(&b[0]));
     intervals
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_kernel_sees_an_acceleration_as_the_local_fit_does() {
-        for m in [3_usize, 5, 8] {
-            // Positions under an acceleration that is constant over each interval.
-            let accelerations: Vec<f64> =
-                (0..2 * m).map(|j| (1.7 * j as f64).sin() + 0.3).collect();
-            let (mut q, mut v) = (vec![0.4], -0.2);
-            for a in &accelerations {
-                q.push(q[q.len() - 1] + v + 0.5 * a);
-                v += a;
-            }
-            // Second derivative of the quadratic fitted to them by least squares.
-            let s: Vec<f64> = (0..=2 * m).map(|i| i as f64 - m as f64).collect();
-            let mean = |f: &dyn Fn(usize) -> f64| (0..=2 * m).map(f).sum::<f64>() / s.len() as f64;
-            let square = mean(&|i| s[i].powi(2));
-            let covariance = mean(&|i| (s[i].powi(2) - square) * q[i]);
-            let fitted = 2.0 * covariance / mean(&|i| (s[i].powi(2) - square).powi(2));
-            let seen: f64 = kernel(m)
-                .iter()
-                .zip(&accelerations)
-                .map(|(w, a)| w * a)
-                .sum();
-            assert!((seen - fitted).abs() < 1e-12, "{seen} {fitted}");
-        }
-    }
 }

@@ -14,6 +14,7 @@
 //! 7. What is left and no effect explains is taught to a small network on that coordinate, which is described and added where it explains windows that it
 //!    has not seen and shrinks the gap.
 
+mod accelerations;
 mod accept;
 mod advise;
 mod at_rest;
@@ -55,7 +56,9 @@ mod score;
 mod screen;
 mod search;
 mod searched;
+mod selection;
 mod setup;
+mod several;
 mod shapes;
 mod shown;
 mod signals;

@@ -187,7 +187,16 @@ fn fit_with(
 
 /// Several candidates at once.
 pub fn refine(study: &Study, current: &Fitted, members: &[(Candidate, Vec<f64>)]) -> Contender {
-    let theta = &current.inside.theta;
+    refine_from(study, current, &current.inside.theta, members)
+}
+
+/// The same from another θ of what was there before.
+pub fn refine_from(
+    study: &Study,
+    current: &Fitted,
+    theta: &[f64],
+    members: &[(Candidate, Vec<f64>)],
+) -> Contender {
     let fitted = fit_with(study, current, theta, members, (1, ITERATIONS));
     let added = members.iter().map(|m| m.0).collect();
     contender(study, added, fitted, current)

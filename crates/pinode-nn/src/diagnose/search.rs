@@ -22,8 +22,8 @@ use super::unstretched::unstretched;
 use crate::shooting::Fit;
 use crate::smoothing::VISIBLE;
 
-/// At most so many effects are named.
-const MOST_EFFECTS: usize = 6;
+/// At most so many effects are named, or so many a coordinate where that is more.
+const MOST_EFFECTS: (usize, usize) = (6, 3);
 /// A rival's way takes another step while it has cost no more than so many times the way that it rivals.
 const GENEROUS: u64 = 1;
 /// What follows from something may come of the integration steps where it explains no more nats a sample. These are chosen so that they move a
@@ -438,7 +438,8 @@ impl Path {
             }
             let as_good = |old: &Been| old.has(&here.added) && here.score < old.score + SAME;
             let known = others.iter().any(as_good);
-            let full = here.added.len() >= MOST_EFFECTS;
+            let (least, each) = MOST_EFFECTS;
+            let full = here.added.len() >= least.max(each * null.hybrid.nv());
             been.push(here);
             if known || full || self.at.study.work() - begun > most {
                 break;

@@ -6,12 +6,13 @@ use super::accept::accept;
 use super::candidate::Candidate;
 use super::comparison::RELIEF;
 use super::refine::{
-    Contender, FIRST_LOOK, ITERATIONS, polish, rank, refine, refine_one, would_relieve,
+    Contender, FIRST_LOOK, ITERATIONS, polish, rank, refine, refine_from, refine_one, would_relieve,
 };
 use super::released::{is_ahead, released};
 use super::remainder::Remainder;
 use super::score::samples_per_window;
 use super::screen::{self, Screen, Screened};
+use super::several::{Several, several};
 use super::study::{Fitted, Study};
 use crate::effect::{Family, Kind};
 use crate::hybrid::Placed;
@@ -41,8 +42,10 @@ const FLEETS: usize = 2;
 const PAIRS: usize = 4;
 /// Candidates with 1 − ρ² below this look alike to the screen.
 const ALIKE: f64 = 0.02;
-/// Residuals of so many times the noise are no noise, whether they follow from anything or not.
+/// Residuals of so many times the noise are no noise, whether they follow from anything or not …
 const LOUD: f64 = 1.5;
+/// … and a model with residuals of so many times is far from the log.
+const FAR: f64 = 5.0;
 
 /// One step of the search.
 #[derive(Clone, Default)]
@@ -212,8 +215,8 @@ impl Looking<'_> {
         if self.first { LEAST_T2.0 } else { LEAST_T2.1 }
     }
 
-    /// Refines candidates without states of their own: those closest to the best, those that stretched constants imitate, then others as
-    /// long as something is left.
+    /// Refines candidates without states of their own: those closest to the best, those that stretched constants imitate, several together, then others
+    /// as long as something is left.
     fn ask_the_simple(&self, screen: &Screen, step: &mut Step) {
         let (study, current) = (self.study, self.current);
         let something_is_left = self.first || current.hint(study, self.first).is_some();
@@ -253,6 +256,7 @@ impl Looking<'_> {
         let new: Vec<&Screened> = shown.filter(|s| !chosen.contains(s)).collect();
         chosen.extend(new);
         self.refine_all(screen, &chosen, step);
+        self.ask_several(step);
         self.ask_every_input(screen, enough, step);
         for (batch, others) in others.chunks(REFINED).take(BATCHES).enumerate() {
             match self.hint(step) {
@@ -297,6 +301,27 @@ impl Looking<'_> {
         step.choose(study, current, (self.first, self.seed));
     }
 
+    /// Refines what the forces that are needed say is missing together, where the model stays far from the log: there a linearisation promises more to stand-ins than
+    /// to any part of it. It is accepted only where it is all that is missing: of a stand-in in parts some would stay.
+    fn ask_several(&self, step: &mut Step) {
+        let (study, current) = (self.study, self.current);
+        if !self.first || self.best(step).most_excess(study) < FAR {
+            return;
+        }
+        let Some(Several { theta, laws }) = several(study, current) else {
+            return;
+        };
+        let names: Vec<&str> = laws.iter().map(|(c, _)| c.kind.name).collect();
+        (self.report)(&format!("refining {} together", names.join(", ")));
+        let mut together = vec![refine_from(study, current, &theta, &laws)];
+        polish(study, current, &mut together);
+        let excess = |c: &Contender| c.fitted.most_excess(study);
+        if together.iter().all(|c| excess(c) < LOUD) {
+            step.contenders.extend(together);
+            step.choose(study, current, (self.first, self.seed));
+        }
+    }
+
     /// Refines candidates with states of their own, `dear`, that rival what is accepted.
     fn ask_the_dear(&self, screen: &Screen, dear: &[Screened], step: &mut Step) {
         let leading = step.accepted().and_then(|c| {
@@ -339,7 +364,8 @@ impl Step {
         self.screened.iter().any(promised) && self.contenders.iter().any(failed)
     }
 
-    fn accepted(&self) -> Option<&Contender> {
+    /// What was accepted.
+    pub fn accepted(&self) -> Option<&Contender> {
         self.contenders.get(self.accepted?)
     }
 

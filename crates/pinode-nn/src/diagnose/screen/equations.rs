@@ -11,11 +11,15 @@ use crate::diagnose::linear::{AtWindow, Linearisation};
 use crate::diagnose::study::{Fitted, Study};
 use crate::diagnose::twins::is_told_as_another;
 use crate::effect::Kind;
+use crate::hybrid::Hybrid;
 use crate::shooting::{SmallForce, Trajectory};
 
-/// Screens the candidates of the kinds that `counts` keeps at the fitted model.
-pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) -> Screen {
-    let (hybrid, fit) = (&fitted.hybrid, &fitted.inside);
+/// The probes of the candidates of the kinds that `counts` keeps, at θ of a model.
+pub fn columns(
+    study: &Study,
+    (hybrid, theta): (&Hybrid, &[f64]),
+    counts: impl Fn(&Kind) -> bool,
+) -> Vec<Column> {
     let mut all = Candidate::all(hybrid);
     all.retain(|candidate| !study.without.contains(&candidate.kind));
     let columns = all
@@ -24,7 +28,7 @@ pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) ->
         .filter(|candidate| counts(candidate.kind))
         .filter(|candidate| !candidate.winds_up(hybrid, &study.scales))
         .flat_map(|&candidate| {
-            let contained = candidate.contained(hybrid, &fit.theta);
+            let contained = candidate.contained(hybrid, theta);
             let known = hybrid.known_strength(candidate.kind, candidate.target);
             (candidate.kind.probes)(&candidate.scales(hybrid, &study.scales), &contained)
                 .into_iter()
@@ -43,7 +47,14 @@ pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) ->
                     }
                 })
         });
-    let mut screen = of_columns(study, fitted, columns.collect());
+    columns.collect()
+}
+
+/// Screens the candidates of the kinds that `counts` keeps at the fitted model.
+pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) -> Screen {
+    let hybrid = &fitted.hybrid;
+    let columns = columns(study, (hybrid, &fitted.inside.theta), counts);
+    let mut screen = of_columns(study, fitted, columns);
     let mut candidates: Vec<Candidate> = screen.columns.iter().map(|c| c.candidate).collect();
     candidates.dedup();
     let suggested = |c: Candidate| {

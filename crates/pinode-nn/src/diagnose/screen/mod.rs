@@ -15,8 +15,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::candidate::Candidate;
 
-pub use equations::{asked, screen};
-use probed::Column;
+pub use equations::{asked, columns, screen};
+pub use probed::Column;
 
 /// What the screen says of one candidate.
 #[derive(Debug, Clone, PartialEq)]
