@@ -3,6 +3,8 @@
 //! The second derivative of a local polynomial is a weighted mean of the accelerations over its samples. The modelled ones under the same weights differ from it by
 //! what is not modelled, and by noise, however far the smoothing reaches.
 
+use std::ops::RangeInclusive;
+
 use super::smooth::Smoothed;
 use crate::hybrid::{Hybrid, State};
 use crate::shooting::ObservedRun;
@@ -43,6 +45,11 @@ impl Seen {
         k >= self.side && k + self.side < count
     }
 
+    /// The samples of the polynomial at sample `k`, of one that it [reaches](Self::reaches).
+    pub fn samples(&self, k: usize) -> RangeInclusive<usize> {
+        k - self.side..=k + self.side
+    }
+
     /// The modelled accelerations around sample `k` as the smoothing sees the true ones, of a sample that it [reaches](Self::reaches).
     pub fn averaged(&self, modelled: &[Vec<f64>], k: usize) -> Vec<f64> {
         let first = k - self.weights.len() / 2;
@@ -56,23 +63,32 @@ impl Seen {
     }
 }
 
-/// v̇ of a model at θ over every sample interval of a recording: the mean of both ends, at the smoothed states and the input held.
+/// The states of a model at θ by sample: the smoothed ones, as its sensors read them.
+pub fn states<'a>(
+    (hybrid, theta): (&'a Hybrid, &'a [f64]),
+    smooth: &'a Smoothed,
+) -> impl Fn(usize) -> Vec<f64> + 'a {
+    let nv = hybrid.nv();
+    let readings = hybrid.readings(theta, &[]);
+    move |sample| {
+        let mut state = smooth.state(sample);
+        for (c, reading) in readings.iter().enumerate() {
+            state[c] = reading.position_of(state[c], state[nv + c]);
+        }
+        state
+    }
+}
+
+/// v̇ of a model at θ over every sample interval of a recording: the mean of both ends, at the smoothed states and the input held; NaN where it has none.
 pub fn modelled(
     (hybrid, theta): (&Hybrid, &[f64]),
     run: &ObservedRun,
     smooth: &Smoothed,
 ) -> Vec<Vec<f64>> {
     let nv = hybrid.nv();
-    let readings = hybrid.readings(theta, &[]);
     let inputs = hybrid.drive(&run.t, &run.u, 1, theta, &[]);
     let mut memory = hybrid.memory(&[]);
-    let read = |sample: usize| -> Vec<f64> {
-        let mut state = smooth.state(sample);
-        for (c, reading) in readings.iter().enumerate() {
-            state[c] = reading.position_of(state[c], state[nv + c]);
-        }
-        state
-    };
+    let read = states((hybrid, theta), smooth);
     let path = hybrid.hidden_path(theta, &inputs, &read);
     let mut at = |sample: usize, step: usize| -> Vec<f64> {
         let state = read(sample);
@@ -80,7 +96,7 @@ pub fn modelled(
         let h = path.at(sample);
         match hybrid.acceleration(State { q, v, h }, theta, &inputs, step, &mut memory) {
             Ok(()) => memory.acceleration.as_slice().to_vec(),
-            Err(_) => (0..nv).map(|c| smooth.a[c][sample]).collect(),
+            Err(_) => vec![f64::NAN; nv],
         }
     };
     (0..run.t.len().saturating_sub(1))

@@ -3,7 +3,7 @@
 //! r = M(q) v̇ + C(q, v) v + G(q) − Q_model with q, v, v̇ from local cubics through the measurements. This explains and orders; it
 //! does not decide: its noise is too high for that.
 
-use super::accelerations::{Seen, modelled};
+use super::accelerations::{Seen, modelled, states};
 use super::audit::Masked;
 use super::curves::ResidualForce;
 use super::signals::Signals;
@@ -26,7 +26,6 @@ pub fn locate(
     let hybrid = &fitted.hybrid;
     let nv = hybrid.nv();
     let theta = &fitted.inside.theta;
-    let readings = hybrid.readings(theta, &[]);
     let coordinates = hybrid.mechanics().coordinates();
     let mut residuals: Vec<Vec<f64>> = vec![Vec::new(); nv];
     let mut noise_square = vec![0.0; nv];
@@ -40,6 +39,7 @@ pub fn locate(
         let smooth = &smoothed[r];
         let seen = Seen::of(&run.t, half_width);
         let lag = ((change / seen.interval) as usize).max(1);
+        let read = states((hybrid, theta), smooth);
         let modelled = modelled((hybrid, theta), run, smooth);
         let mut reversal = vec![run.t[0]; nv];
         for k in 0..run.t.len().saturating_sub(1) {
@@ -54,12 +54,11 @@ pub fn locate(
             if masked.touches(r, run.t[k] - half_width, run.t[k] + half_width) {
                 continue;
             }
-            let state = smooth.state(k);
-            let q: Vec<f64> = (0..nv)
-                .map(|c| readings[c].position_of(state[c], state[nv + c]))
-                .collect();
             let model = seen.averaged(&modelled, k);
-            hybrid.mass_matrix_into(&q, theta, &mut memory, &mut mass);
+            if !model.iter().all(|a| a.is_finite()) {
+                continue;
+            }
+            hybrid.mass_matrix_into(&read(k)[..nv], theta, &mut memory, &mut mass);
             // M (measured acceleration − modelled acceleration) is the missing force.
             for i in 0..nv {
                 let mut force = 0.0;

@@ -5,9 +5,10 @@
 //!
 //! v̇ − v̇_model = Σ x_i (v̇_i − v̇_model) + noise, v̇_i the acceleration with a step into candidate i,
 //!
-//! is linear in the steps x_i however large they are (Khalil and Dombre, *Modeling, Identification and Control of Robots*, 2002, ch. 12). The set of candidates
-//! is [selected](super::selection). Its noise is high and its smoothed velocities are biased: what comes of it is where
-//! a fit starts, and nothing is accepted for it.
+//! is linear in forces however large they are, and to first order in all else. Of forces, M v̇ + C v + G = Q, it would be linear in inertias too (Khalil and Dombre,
+//! *Modeling, Identification and Control of Robots*, 2002, ch. 12); but nothing explains those as well as no mass and no input, where gains and masses are free. The set
+//! of candidates is [selected](super::selection). The noise is high and the smoothed velocities are biased: what comes of it is where a fit starts, and nothing is
+//! accepted for it.
 
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -26,7 +27,7 @@ const MOST: usize = 4;
 /// A constant of the mechanism is moved by this part of its tolerance, or of itself, to see what it does.
 const STEP: f64 = 1e-3;
 
-/// Whether a law is one constant times a shape that the log shows.
+/// Whether a law has one constant, and acts as it is large or nearly so.
 fn is_linear(kind: &Kind) -> bool {
     let by_itself = kind.parameters.len() == 1 && kind.contains.is_empty();
     by_itself && kind.states() == 0 && kind.family != Family::Sensor && !kind.starts_at_probes()
@@ -40,55 +41,27 @@ pub struct Several {
     pub laws: Vec<(Candidate, Vec<f64>)>,
 }
 
-/// Laws that explain the accelerations of the seen windows together. `None` where they are on one coordinate: one by itself is what a screen sees, and two may be
-/// one law with more constants.
+/// Laws that explain the accelerations of the seen windows together. `None` where there are none, or all are on one coordinate: one by itself is what a screen sees, and
+/// two may be one law with more constants.
 pub fn several(study: &Study, current: &Fitted) -> Option<Several> {
     let hybrid = &current.hybrid;
-    let fit = &current.inside;
-    let constants = hybrid.constants();
-    let said = constants.iter().zip(&fit.theta);
-    let theta: Vec<f64> = said
-        .map(|(constant, &fitted)| match constant.tolerance.is_finite() {
-            true => constant.value,
-            false => fitted,
-        })
-        .collect();
+    let theta = as_said(current);
     let rows = Rows::of(study);
-    let before = rows.accelerations(hybrid, &theta);
-    let change = |with: &Hybrid, at: &[f64], step: f64| -> DVector<f64> {
-        (rows.accelerations(with, at) - &before) / step
-    };
-    // What is free is free beside them: in units of its tolerance, or of itself.
-    let moved = |&i: &usize| {
-        let constant = &constants[i];
-        let unit = match constant.tolerance.is_finite() {
-            true => constant.tolerance,
-            false => theta[i].abs(),
-        };
-        let is_read = matches!(constant.id, ConstantId::Zero(_));
-        (!is_read && unit > 0.0).then(|| {
-            let mut at = theta.clone();
-            at[i] += STEP * unit;
-            let held = f64::from(u8::from(constant.tolerance.is_finite()));
-            (change(hybrid, &at, STEP), held)
+    let needed = rows.missing(hybrid, &theta);
+    let (mut changes, held) = of_constants(&rows, current, (&theta, &needed));
+    let (asked, of_laws) = of_laws(&rows, hybrid, (&theta, &needed));
+    changes.extend(of_laws);
+    let regression = Regression::of(&needed, &changes, &held)?;
+    // Each once, however many probes it has, and within its bounds.
+    let allowed = |columns: &[usize], steps: &[f64]| {
+        let mut all = columns.iter().zip(steps).enumerate();
+        all.all(|(n, (&k, &x))| {
+            let is_new = |&other: &usize| asked[other].candidate != asked[k].candidate;
+            columns[..n].iter().all(is_new) && asked[k].unclamped(x).is_some()
         })
     };
-    let (free, held): (Vec<DVector<f64>>, Vec<f64>) = fit.free.par_iter().filter_map(moved).unzip();
-    let asked: Vec<Column> = columns(study, (hybrid, &theta), is_linear);
-    let (asked, changes): (Vec<Column>, Vec<DVector<f64>>) = asked
-        .into_par_iter()
-        .filter_map(|column| {
-            let (with, at) = column.candidate.place(hybrid, &theta, &column.perturbed);
-            let change = change(&with, &at, 1.0);
-            (change.norm_squared() > 0.0 && change.norm_squared().is_finite())
-                .then_some((column, change))
-        })
-        .unzip();
-    let needed = rows.measured(study) - &before;
-    let mut regression = Regression::of(&needed, free.iter().chain(&changes), held);
-    let allowed = |k: usize, x: f64| asked[k].start(x).is_some();
     let chosen = regression.choose(MOST * hybrid.nv(), &allowed);
-    let start = |&(k, x): &(usize, f64)| Some((asked[k].candidate, asked[k].start(x)?));
+    let start = |&(k, x): &(usize, f64)| Some((asked[k].candidate, asked[k].unclamped(x)?));
     let laws: Vec<_> = chosen.iter().filter_map(start).collect();
     let coordinates = || {
         let of = |(c, _): &(Candidate, Vec<f64>)| hybrid.coordinate_of(c.kind, c.target);
@@ -97,17 +70,75 @@ pub fn several(study: &Study, current: &Fitted) -> Option<Several> {
     (coordinates().min() != coordinates().max()).then_some(Several { theta, laws })
 }
 
-/// The samples that count, recording by recording, and the scale of their accelerations.
+/// θ as the model says it is; as it was fitted where that says nothing.
+fn as_said(current: &Fitted) -> Vec<f64> {
+    let constants = current.hybrid.constants().iter();
+    let both = constants.zip(&current.inside.theta);
+    both.map(|(constant, &fitted)| match constant.tolerance.is_finite() {
+        true => constant.value,
+        false => fitted,
+    })
+    .collect()
+}
+
+/// What the free constants of the model change, each in units of its tolerance, or of itself, and which of them are held by a tolerance.
+fn of_constants(
+    rows: &Rows,
+    current: &Fitted,
+    (theta, needed): (&[f64], &DVector<f64>),
+) -> (Vec<DVector<f64>>, Vec<bool>) {
+    let hybrid = &current.hybrid;
+    let change = |&i: &usize| {
+        let constant = &hybrid.constants()[i];
+        let is_held = constant.tolerance.is_finite();
+        let unit = match is_held {
+            true => constant.tolerance,
+            false => theta[i].abs(),
+        };
+        if matches!(constant.id, ConstantId::Zero(_)) || unit <= 0.0 {
+            return None;
+        }
+        let mut at = theta.to_vec();
+        at[i] += STEP * unit;
+        let change = (needed - rows.missing(hybrid, &at)) / STEP;
+        shows(&change).then_some((change, is_held))
+    };
+    let free = current.inside.free.par_iter();
+    free.filter_map(change).unzip()
+}
+
+/// The probes of the candidates, and what each changes.
+fn of_laws(
+    rows: &Rows,
+    hybrid: &Hybrid,
+    (theta, needed): (&[f64], &DVector<f64>),
+) -> (Vec<Column>, Vec<DVector<f64>>) {
+    let asked = columns(rows.study, (hybrid, theta), is_linear).into_par_iter();
+    let change = |column: Column| {
+        let (with, at) = column.candidate.place(hybrid, theta, &column.perturbed);
+        let change = needed - rows.missing(&with, &at);
+        shows(&change).then_some((column, change))
+    };
+    asked.filter_map(change).unzip()
+}
+
+/// Whether a change is one, and finite.
+fn shows(change: &DVector<f64>) -> bool {
+    let square = change.norm_squared();
+    square > 0.0 && square.is_finite()
+}
+
+/// The samples that count, recording by recording.
 struct Rows<'a> {
     study: &'a Study,
     runs: Vec<(Seen, Vec<usize>)>,
 }
 
 impl<'a> Rows<'a> {
-    /// Those whose polynomials lie in the seen windows.
+    /// Those whose polynomials lie in a seen window, with nothing in them that is not valid.
     fn of(study: &'a Study) -> Self {
         let runs = study.observations.runs.iter().enumerate();
-        let seen = |(r, run): (usize, &ObservedRun)| {
+        let of = |(r, run): (usize, &ObservedRun)| {
             let seen = Seen::of(&run.t, study.pace.half_width());
             let windows = study.windows.fit.iter().filter(|w| w.run == r);
             let samples = windows.flat_map(|w| {
@@ -115,47 +146,34 @@ impl<'a> Rows<'a> {
                 let inside = inside.filter(|&k| seen.reaches(k, w.count));
                 inside.map(|k| w.first + k).collect::<Vec<_>>()
             });
-            let samples = samples.collect();
+            let is_valid = |&k: &usize| {
+                let mut channels = run.valid.iter();
+                channels.all(|valid| valid[seen.samples(k)].iter().all(|valid| *valid))
+            };
+            let samples = samples.filter(is_valid).collect();
             (seen, samples)
         };
-        let runs = runs.map(seen).collect();
+        let runs = runs.map(of).collect();
         Rows { study, runs }
     }
 
-    /// What `acceleration` of a recording gives at each of its samples, in units of its noise.
-    fn gather(
-        &self,
-        acceleration: impl Fn(usize, &Seen, &[usize]) -> Vec<Vec<f64>>,
-    ) -> DVector<f64> {
-        let channels = &self.study.observations.channels;
-        let runs = self.runs.iter().enumerate();
-        let all = runs.flat_map(|(r, (seen, samples))| {
-            let scaled = |a: Vec<f64>| -> Vec<f64> {
-                let scale = channels.iter().map(|c| c.noise * seen.noise);
-                a.into_iter().zip(scale).map(|(a, s)| a / s).collect()
-            };
-            let at = acceleration(r, seen, samples).into_iter();
-            at.flat_map(scaled).collect::<Vec<f64>>()
-        });
-        DVector::from_vec(all.collect())
-    }
-
-    /// Those of a model, as the smoothing sees them.
-    fn accelerations(&self, hybrid: &Hybrid, theta: &[f64]) -> DVector<f64> {
-        self.gather(|r, seen, samples| {
-            let run = &self.study.observations.runs[r];
-            let modelled = modelled((hybrid, theta), run, &self.study.smoothed[r]);
-            let samples = samples.iter();
-            samples.map(|&k| seen.averaged(&modelled, k)).collect()
-        })
-    }
-
-    /// Those of the log.
-    fn measured(&self, study: &Study) -> DVector<f64> {
-        self.gather(|r, _, samples| {
-            let a = &study.smoothed[r].a;
-            let at = |&k: &usize| a.iter().map(|a| a[k]).collect();
-            samples.iter().map(at).collect()
-        })
+    /// v̇ − v̇ of a model at θ, in units of the noise of a smoothed acceleration.
+    fn missing(&self, hybrid: &Hybrid, theta: &[f64]) -> DVector<f64> {
+        let mut all = Vec::new();
+        for (r, (seen, samples)) in self.runs.iter().enumerate() {
+            let (run, smooth) = (&self.study.observations.runs[r], &self.study.smoothed[r]);
+            let modelled = modelled((hybrid, theta), run, smooth);
+            for &k in samples {
+                let model = seen.averaged(&modelled, k).into_iter();
+                let noise = self.study.observations.channels.iter().map(|c| c.noise);
+                let missing = smooth.a.iter().zip(model).map(|(a, model)| a[k] - model);
+                all.extend(
+                    missing
+                        .zip(noise)
+                        .map(|(a, noise)| a / (noise * seen.noise)),
+                );
+            }
+        }
+        DVector::from_vec(all)
     }
 }

@@ -313,11 +313,11 @@ impl Looking<'_> {
         };
         let names: Vec<&str> = laws.iter().map(|(c, _)| c.kind.name).collect();
         (self.report)(&format!("refining {} together", names.join(", ")));
-        let mut together = vec![refine_from(study, current, &theta, &laws)];
+        let mut together = [refine_from(study, current, &theta, &laws)];
         polish(study, current, &mut together);
-        let excess = |c: &Contender| c.fitted.most_excess(study);
-        if together.iter().all(|c| excess(c) < LOUD) {
-            step.contenders.extend(together);
+        let [together] = together;
+        if together.fitted.most_excess(study) < LOUD {
+            step.contenders.push(together);
             step.choose(study, current, (self.first, self.seed));
         }
     }
@@ -325,8 +325,9 @@ impl Looking<'_> {
     /// Refines candidates with states of their own, `dear`, that rival what is accepted.
     fn ask_the_dear(&self, screen: &Screen, dear: &[Screened], step: &mut Step) {
         let leading = step.accepted().and_then(|c| {
-            let same = |s: &&Screened| s.candidate == c.added[0];
-            screen.ranked.iter().find(same).map(|s| s.gain)
+            let added = screen.ranked.iter();
+            let gains = added.filter(|s| c.added.contains(&s.candidate));
+            gains.map(|s| s.gain).max_by(f64::total_cmp)
         });
         let enough = (RIVALLING * leading.unwrap_or(0.0)).max(PROMISED.0 * self.samples());
         let rivals = dear.iter();

@@ -34,7 +34,8 @@ pub struct StepLength {
     pub substeps: usize,
     /// So many times as many about rests.
     pub about_rests: usize,
-    /// Of models with stops, per log sample where blows are; as many as elsewhere where there are none, or hardly anything else.
+    /// Of models with stops, per log sample where blows are, with these steps elsewhere: of shorter ones there are in proportion. As many as elsewhere where there
+    /// are none, or hardly anything else.
     of_blows: usize,
     /// From which samples of each recording a joint rests or turns round before the next one; none where that is most of them.
     rests: Arc<Vec<Vec<bool>>>,
@@ -170,7 +171,7 @@ impl Study {
     pub fn steps_of_blows(&self, hybrid: &Hybrid) -> usize {
         let mut stops = hybrid.effects().iter().filter(|e| e.kind.stop().is_some());
         let scales = |e: &Placed| &self.scales[hybrid.coordinate_of(e.kind, e.target)];
-        match stops.all(|stop| scales(stop).struck != [None; 2]) {
+        match hybrid.has_stops() && stops.all(|stop| scales(stop).struck != [None; 2]) {
             true => self.steps.about_blows(),
             false => 1,
         }

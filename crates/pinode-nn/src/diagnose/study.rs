@@ -197,13 +197,8 @@ impl Study {
 
     /// The same in a simulation, of which nobody knows beforehand where it rests or is struck.
     pub fn substeps_anywhere(&self, hybrid: &Hybrid, theta: &[f64]) -> usize {
-        let has_stops = hybrid.effects().iter().any(|e| e.kind.stop().is_some());
-        let about_blows = if has_stops {
-            self.steps_of_blows(hybrid)
-        } else {
-            1
-        };
-        self.substeps_for(hybrid, theta) * self.steps.about_rests.max(about_blows)
+        let finest = self.steps.about_rests.max(self.steps_of_blows(hybrid));
+        self.substeps_for(hybrid, theta) * finest
     }
 
     /// Whether these steps follow the effects with a memory of a model at θ: what is much faster than the samples is not in the data.

@@ -28,6 +28,17 @@ impl Column {
         }
     }
 
+    /// The same, where no bound makes the step another one.
+    pub fn unclamped(&self, factor: f64) -> Option<Vec<f64>> {
+        let start = self.start(factor)?;
+        let ends = self.neutral.iter().zip(&self.perturbed);
+        let mut ends = ends.map(|(n, p)| if n == p { *n } else { n + factor * (p - n) });
+        start
+            .iter()
+            .all(|x| ends.next() == Some(*x))
+            .then_some(start)
+    }
+
     fn step(&self, factor: f64) -> Option<Vec<f64>> {
         let specs = self.candidate.kind.parameters;
         let start: Vec<f64> = specs
