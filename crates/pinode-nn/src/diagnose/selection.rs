@@ -74,11 +74,10 @@ impl Regression {
 
     /// A set next to this one that is better: with another column in the place of one, or with one more, and without what that makes needless.
     fn better(&self, set: &Set, most: usize, allowed: Allowed) -> Option<Set> {
-        let without = |k: usize| [&set.columns[..k], &set.columns[k + 1..]].concat();
-        let exchanged = (0..set.columns.len()).filter_map(|k| {
-            let old = set.columns[k];
-            self.grown(&without(k), Some(old), allowed)
-        });
+        let without = |columns: &[usize], k: usize| [&columns[..k], &columns[k + 1..]].concat();
+        let places = set.columns.iter().enumerate();
+        let exchanged = places
+            .filter_map(|(k, old)| self.grown(&without(&set.columns, k), Some(*old), allowed));
         let exchanged = least(exchanged).filter(|new| new.left < (1.0 - SHARE) * set.left);
         let grown = || {
             let grown = self.grown(&set.columns, None, allowed);
@@ -88,10 +87,7 @@ impl Regression {
         // What came before the newest and is missed least.
         let shrunk = |set: &Set| {
             let older = 0..set.columns.len().saturating_sub(1);
-            least(older.filter_map(|k| {
-                let columns = [&set.columns[..k], &set.columns[k + 1..]].concat();
-                self.set(columns, allowed)
-            }))
+            least(older.filter_map(|k| self.set(without(&set.columns, k), allowed)))
         };
         while let Some(less) = shrunk(&new).filter(|less| !self.earns(new.left, less.left)) {
             new = less;
