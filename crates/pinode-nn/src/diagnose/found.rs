@@ -22,8 +22,8 @@ const SUREST: f64 = 1.0 - 1.0 / DRAWS as f64;
 
 /// At most so many rivals of a found effect are refined …
 const RIVALS: usize = 3;
-/// … and of these one that is no richer form of it if the screen promises this share of what the found effect explains: what was promised less came to an eighth of
-/// that at most, in 80 fits beside what was found on carts and arms.
+/// … and of these one that is no richer form of it if the screen promises this share of what the found effect explains: what was promised less came to a tenth of
+/// that at most, in the fits that were looked at on carts and arms.
 const SERIOUS: f64 = 0.1;
 
 /// A found effect.

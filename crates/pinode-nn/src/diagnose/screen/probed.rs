@@ -10,18 +10,18 @@ use crate::shooting::{Member, ObservedRun, Trajectory, Window, roll_all};
 #[derive(Debug, Clone)]
 pub struct Column {
     pub candidate: Candidate,
-    pub neutral: Vec<f64>,
+    pub(super) neutral: Vec<f64>,
     pub perturbed: Vec<f64>,
     /// What the same kind has on this target that is known exactly: the candidate may take so much from it.
-    pub known: f64,
+    pub(super) known: f64,
     /// How many times as long as usual everything takes in the log.
-    pub pace: f64,
+    pub(super) pace: f64,
 }
 
 impl Column {
     /// The parameters a step of `factor` probes away, within their bounds; `None` when the bounds allow no step that way. Of what is far from
     /// linear in its parameters the probe itself is the start, unless the data ask for its opposite.
-    pub fn start(&self, factor: f64) -> Option<Vec<f64>> {
+    pub(super) fn start(&self, factor: f64) -> Option<Vec<f64>> {
         match self.candidate.kind.starts_at_probes() {
             true => (factor > 0.0).then(|| self.perturbed.clone()),
             false => self.step(factor),
