@@ -50,6 +50,12 @@ pub(crate) fn hint(name: &str, what: &str, candidates: &[&str]) -> String {
     }
 }
 
+/// A thing in a sentence: a name in quotes stands without an article.
+pub(crate) fn with_article(thing: &str) -> String {
+    let article = if thing.starts_with('`') { "" } else { "the " };
+    format!("{article}{thing}")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

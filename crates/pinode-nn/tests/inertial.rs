@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use integrators::{Differentiable, Gradient, Jacobian, Space, System};
 use pinode_nn::diagnose::diagnose;
-use pinode_nn::effect::{Misplaced, default_smoothing, registry, tilt_direction};
+use pinode_nn::effect::{Inertial, Misplaced, default_smoothing, registry, tilt_direction};
 use pinode_nn::free_run::{Scheme, simulate_by};
 use pinode_nn::hybrid::{Hybrid, HybridMotion, Placed, State};
 use pinode_nn::log::{Log, Run};
@@ -134,6 +134,78 @@ fn a_payload_is_a_load_that_the_urdf_holds_away_from_the_centre_of_mass() {
     }
 }
 
+/// Two links that turn about different axes on a cart, the second with its centre of mass `place` times as far from its joint and with `more` inertia about the axes
+/// normal to the line there.
+fn oblique(place: f64, more: f64) -> String {
+    let centre = [0.05, -0.02, -0.2];
+    let square: f64 = centre.iter().map(|x| x * x).sum();
+    let own = [
+        [0.004, 1e-4, -3e-4],
+        [1e-4, 0.0046, 2e-4],
+        [-3e-4, 2e-4, 0.0011],
+    ];
+    let moment = |i: usize, k: usize| {
+        let normal = if i == k { 1.0 } else { 0.0 } - centre[i] * centre[k] / square;
+        own[i][k] + more * normal
+    };
+    let [x, y, z] = centre.map(|x| place * x);
+    format!(
+        r#"<robot name="oblique"><link name="base"/>
+        <link name="cart"><inertial><mass value="0.8"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>
+        <link name="upper"><inertial><origin xyz="0.01 0.02 -0.15"/><mass value="0.6"/>
+          <inertia ixx="0.002" ixy="0" ixz="0" iyy="0.002" iyz="0" izz="0.001"/></inertial></link>
+        <link name="lower"><inertial><origin xyz="{x} {y} {z}"/><mass value="0.4"/>
+          <inertia ixx="{}" ixy="{}" ixz="{}" iyy="{}" iyz="{}" izz="{}"/></inertial></link>
+        <joint name="rail" type="prismatic"><parent link="base"/><child link="cart"/><axis xyz="1 0 0"/>
+          <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+        <joint name="shoulder" type="continuous"><parent link="cart"/><child link="upper"/><axis xyz="0 1 0"/></joint>
+        <joint name="elbow" type="continuous"><parent link="upper"/><child link="lower"/><origin xyz="0 0 -0.3"/><axis xyz="0.6 0.8 0"/></joint>
+        </robot>"#,
+        moment(0, 0),
+        moment(0, 1),
+        moment(0, 2),
+        moment(1, 1),
+        moment(1, 2),
+        moment(2, 2),
+    )
+}
+
+#[test]
+fn a_link_whose_centre_and_inertia_are_others_is_one_whose_urdf_says_so() {
+    let centre = "[[effect]]\nkind = \"centre_of_mass\"\nlink = \"lower\"\nplace = 1.3\n";
+    let inertia = "[[effect]]\nkind = \"link_inertia\"\nlink = \"lower\"\ninertia = 0.002\n";
+    let less = "[[effect]]\nkind = \"link_inertia\"\nlink = \"lower\"\ninertia = -0.002\n";
+    let tilt = "[[effect]]\nkind = \"gravity_tilt\"\njoint = \"rail\"\nangle = 0.2\n";
+    let plain = oblique(1.0, 0.0);
+    for (effects, place, more) in [
+        (centre.to_owned(), 1.3, 0.0),
+        (inertia.to_owned(), 1.0, 0.002),
+        (less.to_owned(), 1.0, -0.002),
+        (format!("{centre}{inertia}"), 1.3, 0.002),
+    ] {
+        for slope in ["", tilt] {
+            let changed = model(&plain, &format!("{effects}{slope}"));
+            let expected = model(&oblique(place, more), slope);
+            for (q, v) in states(&changed) {
+                let found = acceleration(&changed, &q, &v);
+                assert_equal(&found, &acceleration(&expected, &q, &v), 1e-10);
+            }
+        }
+    }
+}
+
+#[test]
+fn only_of_what_turns_the_inertia_shows() {
+    let candidates = |link: &str| {
+        let hybrid = Hybrid::of(&model(&oblique(1.0, 0.0), ""));
+        let target = hybrid.links().iter().position(|l| l.name == link).unwrap();
+        [Inertial::Centre, Inertial::OfLink].map(|change| hybrid.may_change(change, target))
+    };
+    assert_eq!(candidates("cart"), [false, false]);
+    assert_eq!(candidates("upper"), [true, true]);
+    assert_eq!(candidates("lower"), [true, true]);
+}
+
 /// A bob of 0.3 kg on a rod of 0.5 m, from energies and from a URDF.
 #[test]
 fn the_inertia_of_a_rotor_adds_to_that_of_a_pendulum() {
@@ -223,6 +295,8 @@ fn derivatives_of_changed_mechanics_are_exact_on_bodies_that_float_as_well() {
             place("added_mass", link, &[0.5]);
         }
         place("payload", links[1], &[0.3, 1.6]);
+        place("centre_of_mass", links[1], &[0.7]);
+        place("link_inertia", links[0], &[0.02]);
         place("gravity_tilt", joint, &[0.1]);
         for constant in hybrid.constants_mut() {
             constant.tolerance = f64::INFINITY;

@@ -104,6 +104,8 @@ fn steps_and_derivatives_of_mechanisms_allocate_nothing() {
     for (kind, target, values) in [
         ("added_mass", 2, &[0.02][..]),
         ("payload", 2, &[0.02, 1.5]),
+        ("centre_of_mass", 2, &[0.9]),
+        ("link_inertia", 2, &[3e-4]),
         ("reflected_inertia", 0, &[0.02]),
         ("gravity_tilt", 0, &[0.02]),
     ] {

@@ -60,6 +60,8 @@ fn with_every_effect(transmission: &str) -> Hybrid {
             "hysteresis" => &[12.0, 0.02],
             "added_mass" => &[0.02],
             "payload" => &[0.02, 1.4],
+            "centre_of_mass" => &[1.2],
+            "link_inertia" => &[3e-4],
             "reflected_inertia" => &[0.02],
             "gravity_tilt" => &[0.02],
             other => panic!("{other} is new: give it parameters here"),

@@ -22,7 +22,7 @@ use crate::digits::{number, uncertain};
 use crate::effect::Between;
 use crate::hybrid::{Hybrid, Placed};
 use crate::model::{Input, Model};
-use crate::naming::quoted;
+use crate::naming::{quoted, with_article};
 
 /// A name with less confidence is in doubt.
 pub const IN_DOUBT: f64 = 0.9;
@@ -150,7 +150,7 @@ pub fn advise(
     advice
 }
 
-/// Where a payload is, m.
+/// Where a payload or a centre of mass is, m.
 fn where_it_is(effect: &NamedEffect, hybrid: &Hybrid) -> Option<String> {
     let place = effect.parameters.get("place")?;
     let link = hybrid
@@ -158,12 +158,16 @@ fn where_it_is(effect: &NamedEffect, hybrid: &Hybrid) -> Option<String> {
         .iter()
         .position(|link| link.name == effect.target)?;
     let way = hybrid.way_to_centre(link)?;
-    Some(format!(
-        "the payload on `{}` is {} m from the joint of that body, on the line through the centre of mass, which is {} m from there.",
-        effect.target,
-        uncertain(way * place.value, place.std.map(|std| way * std)),
-        number(way),
-    ))
+    let there = uncertain(way * place.value, place.std.map(|std| way * std));
+    let (on, way) = (&effect.target, number(way));
+    Some(match effect.kind.as_str() {
+        "centre_of_mass" => format!(
+            "the centre of mass of `{on}` is {there} m from the joint of that body, not {way} m as the model has it; beside that line it may be off as well."
+        ),
+        _ => format!(
+            "the payload on `{on}` is {there} m from the joint of that body, on the line through the centre of mass, which is {way} m from there."
+        ),
+    })
 }
 
 /// That friction which was found holds no joint at rest.
@@ -183,8 +187,8 @@ fn does_not_stick(placed: &Placed, hybrid: &Hybrid) -> String {
 fn constant_instead(own: &str, other: &Instead, hybrid: &Hybrid) -> String {
     let [given, instead] = other.values;
     format!(
-        "{own} may be the {} instead, {} in place of {} (confidence {:.2}): the motion hardly tells them apart. Measure one of the two by itself.",
-        hybrid.describe(other.index, &[]),
+        "{own} may be {} instead, {} in place of {} (confidence {:.2}): the motion hardly tells them apart. Measure one of the two by itself.",
+        with_article(&hybrid.describe(other.index, &[])),
         number(instead),
         number(given),
         other.confidence
@@ -195,8 +199,8 @@ fn constant_instead(own: &str, other: &Instead, hybrid: &Hybrid) -> String {
 pub fn moved(constant: &FittedConstant) -> Option<String> {
     let moved = constant.moved()?;
     let went = format!(
-        "the {} went from {} to {}",
-        constant.name,
+        "{} went from {} to {}",
+        constant.spoken(),
         number(constant.given),
         uncertain(constant.fitted, constant.std)
     );
@@ -205,6 +209,9 @@ pub fn moved(constant: &FittedConstant) -> Option<String> {
             "{went}, {} times its tolerance of {}: measure it, or say in `[tolerance]` what is possible.",
             short(constant.tolerances().abs()),
             short(constant.tolerance),
+        ),
+        Moved::Unsaid => format!(
+            "{went}, of which the model does not say how well it is known: measure it, or say so under `[tolerance]`, in `parameters`; 0 is exact."
         ),
         Moved::Within => format!(
             "{went}, {} times its tolerance of {}: the data know it better than the model does.",

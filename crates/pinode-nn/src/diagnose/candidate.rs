@@ -168,14 +168,16 @@ impl Candidate {
         (with, theta)
     }
 
-    /// The scales on its target; for a link with the mass of its body, for an input with its own size.
+    /// The scales on its target; for a link with the mass of its body or its inertia, for an input with its own size.
     pub fn scales(&self, hybrid: &Hybrid, scales: &MotionScales) -> Scales {
         let coordinate = hybrid.coordinate_of(self.kind, self.target);
         let own = scales[coordinate];
         match self.kind.acts_on() {
             ActsOn::Input => scales.of_input(self.target, coordinate),
             ActsOn::Link => Scales {
-                mass: hybrid.mass_of_body(self.target).unwrap_or(own.mass),
+                mass: hybrid
+                    .inertia_of_body(self.kind, self.target)
+                    .unwrap_or(own.mass),
                 ..own
             },
             _ => own,
@@ -216,6 +218,8 @@ mod tests {
             ("added_mass", "cart"),
             ("added_mass", "pole"),
             ("payload", "pole"),
+            ("centre_of_mass", "pole"),
+            ("link_inertia", "pole"),
             ("reflected_inertia", "slider"),
             ("reflected_inertia", "pole"),
         ];

@@ -7,6 +7,7 @@ use serde::Serialize;
 pub use super::comparison::Lack;
 use super::comparison::lacks;
 use crate::learnt::law::Law;
+use crate::naming::with_article;
 use crate::smoothing::SmoothingError;
 
 /// What a diagnosis says; the JSON document of `pinode diagnose`.
@@ -492,11 +493,16 @@ pub struct FittedConstant {
     /// Standard error; `null` when neither data nor tolerance determine it.
     pub std: Option<f64>,
     /// What the model takes for possible, as a standard deviation about the given value, in the constant's unit; infinite, `null` in JSON,
-    /// where it gives none.
+    /// where it gives none, and 0 of a constant in energies that has none.
     pub tolerance: f64,
 }
 
 impl FittedConstant {
+    /// What it is, in a sentence.
+    pub fn spoken(&self) -> String {
+        with_article(&self.name)
+    }
+
     /// (fitted − given)/tolerance.
     pub fn tolerances(&self) -> f64 {
         (self.fitted - self.given) / self.tolerance
@@ -505,6 +511,9 @@ impl FittedConstant {
     /// How it left what the model gives, if it did.
     pub fn moved(&self) -> Option<Moved> {
         let known = self.tolerance.is_finite();
+        if self.tolerance == 0.0 {
+            return (self.fitted != self.given).then_some(Moved::Unsaid);
+        }
         if known && self.tolerances().abs() > STRETCHED {
             return Some(Moved::Stretched);
         }
@@ -534,6 +543,8 @@ const SURELY: f64 = 4.0;
 pub enum Moved {
     /// Beyond its tolerance.
     Stretched,
+    /// The model does not say how well it is known, and the data want another value.
+    Unsaid,
     /// Far, by no more tolerances than may be.
     Within,
     /// It has no tolerance, and the data want another value.

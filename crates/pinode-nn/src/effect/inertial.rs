@@ -4,7 +4,7 @@ use std::fmt;
 
 use lagrange::Mechanics;
 use lagrange::mechanism::{Body, Tree};
-use nalgebra::{Cholesky, Vector3};
+use nalgebra::{Cholesky, Matrix3, Vector3};
 
 use crate::entries::starts;
 use crate::motion::{NotFree, check_free};
@@ -15,7 +15,7 @@ const VERTICAL: f64 = 1e-6;
 /// than what of it is not linear, unless it is small.
 pub(super) const PROBE: f64 = 1e-4;
 
-/// A payload is so many times as far from the joint as the centre of mass at most: what is farther is a rotor.
+/// A payload, or a centre of mass, is so many times as far from the joint as the model's centre of mass at most: what is farther is a rotor.
 pub(super) const FARTHEST: f64 = 10.0;
 /// A centre of mass that is closer to the joint than this part of the body's radius of gyration is there.
 const CENTRED: f64 = 1e-6;
@@ -30,8 +30,8 @@ const LEFT: f64 = 0.1;
 /// ID + Σ I v̇_j e_j − Σ J v̇_j e_j + Σ m ID₁(q, v, v̇; g, s) + Σ (sin α G(q; |g| d) + (cos α − 1) G(q; g)) = Q
 ///
 /// I of rotors, J of motors that moved with their joint and now move by themselves. ID₁ is that of the same joints with nothing but 1 kg on one body, s times as
-/// far from its joint as its centre of mass (s = 1 but for payloads), and d is a horizontal direction ([`tilt_direction`]). What is tilted are the weights of added
-/// masses too.
+/// far from its joint as its centre of mass (s = 1 of an added mass), and d is a horizontal direction ([`tilt_direction`]). A centre of mass that moves is a mass that is
+/// taken from s = 1 and put elsewhere; inertia without a mass is ½ ∂²ID₁/∂s², of which ID₁ has no higher ones. What is tilted are the weights of all these too.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Inertial {
@@ -43,6 +43,10 @@ pub enum Inertial {
     PointMass,
     /// A point mass anywhere on the line from a body's joint through its centre of mass; its target is a link of the body.
     Payload,
+    /// The centre of mass elsewhere on that line, the mass and the inertia about it as they are; its target is a link of the body.
+    Centre,
+    /// Inertia about the axes normal to that line; its target is a link of the body.
+    OfLink,
     /// The base stands at an angle; its target is the joint that says about which direction.
     Tilt,
 }
@@ -63,6 +67,8 @@ impl fmt::Display for Inertial {
             Inertial::Motor => "backlash",
             Inertial::PointMass => "added_mass",
             Inertial::Payload => "payload",
+            Inertial::Centre => "centre_of_mass",
+            Inertial::OfLink => "link_inertia",
             Inertial::Tilt => "gravity_tilt",
         })
     }
@@ -112,9 +118,11 @@ pub enum Misplaced {
     },
     /// The centre of mass is where the joint is.
     #[error(
-        "payload sits on `{link}`, whose centre of mass is where its joint is: no line leads from one through the other; use added_mass there, or say where the centre of mass is"
+        "{change} sits on `{link}`, whose centre of mass is where its joint is: no line leads from one through the other; use added_mass or reflected_inertia there, or say where the centre of mass is"
     )]
     Centred {
+        /// The effect.
+        change: Inertial,
         /// The link.
         link: String,
     },
@@ -143,6 +151,23 @@ pub enum Misplaced {
     },
 }
 
+/// The least inertia of a body about an axis through its centre of mass that is normal to the line there from its joint, kg·m².
+fn across(body: &Body) -> f64 {
+    let Some(line) = body.centre.try_normalize(0.0) else {
+        return 0.0;
+    };
+    let across = Matrix3::identity() - line * line.transpose();
+    let mut moments = (across * body.inertia * across).symmetric_eigenvalues();
+    moments.as_mut_slice().sort_by(f64::total_cmp);
+    // The least of the three is that about the line, which is projected away.
+    moments[1].max(0.0)
+}
+
+/// The inertia of a body about an axis through its joint, normal to the line from there to its centre of mass, kg·m².
+pub(crate) fn about_joint(body: &Body) -> f64 {
+    across(body) + body.mass * body.centre.norm_squared()
+}
+
 /// Whether the centre of mass of a body is where its joint is.
 fn is_centred(body: &Body) -> bool {
     let gyration = (body.inertia.trace() / body.mass.max(f64::MIN_POSITIVE)).sqrt();
@@ -155,21 +180,31 @@ impl Inertial {
         self != Inertial::Payload || (p[0] > 0.0 && p[1] > 0.0 && p[1] < FARTHEST)
     }
 
-    /// How much it may take from the mechanism on `target`, a coordinate or a link, kg or kg·m²: nine tenths of the mass of the link's body, or of what the
-    /// coordinate moves where all else gives way, 1/(M⁻¹)_jj at the neutral configuration.
+    /// Whether its target is a link.
+    pub fn is_on_link(self) -> bool {
+        matches!(
+            self,
+            Inertial::PointMass | Inertial::Payload | Inertial::Centre | Inertial::OfLink
+        )
+    }
+
+    /// How much it may take from the mechanism on `target`, a coordinate or a link, kg or kg·m²: nine tenths of the mass of the link's body, of its inertia, or of what
+    /// the coordinate moves where all else gives way, 1/(M⁻¹)_jj at the neutral configuration.
     pub(crate) fn may_take(
         self,
         target: usize,
         mechanics: &dyn Mechanics,
         tree: Option<&Tree>,
     ) -> f64 {
+        let body = || {
+            let tree = tree?;
+            tree.bodies().get(tree.links().get(target)?.body?)
+        };
         let there = match self {
-            Inertial::PointMass => tree.and_then(|tree| {
-                let body = tree.links().get(target)?.body?;
-                Some(tree.bodies().get(body)?.mass)
-            }),
+            Inertial::PointMass => body().map(|body| body.mass),
+            Inertial::OfLink => body().map(across),
             Inertial::Rotor => moved(target, mechanics),
-            Inertial::Motor | Inertial::Payload | Inertial::Tilt => None,
+            Inertial::Motor | Inertial::Payload | Inertial::Centre | Inertial::Tilt => None,
         };
         (1.0 - LEFT) * there.unwrap_or(0.0)
     }
@@ -210,7 +245,7 @@ impl Inertial {
         };
         match self {
             Inertial::Rotor | Inertial::Motor => on_joint(target).map(|_| ()),
-            Inertial::PointMass | Inertial::Payload => {
+            Inertial::PointMass | Inertial::Payload | Inertial::Centre | Inertial::OfLink => {
                 let tree = tree.ok_or(Misplaced::NoBodies { change: self })?;
                 let link = tree.links().get(target).ok_or(Misplaced::NoSuchTarget {
                     change: self,
@@ -224,8 +259,11 @@ impl Inertial {
                         change: self,
                         link: name(),
                     }),
-                    Some(body) if self == Inertial::Payload && is_centred(body) => {
-                        Err(Misplaced::Centred { link: name() })
+                    Some(body) if self != Inertial::PointMass && is_centred(body) => {
+                        Err(Misplaced::Centred {
+                            change: self,
+                            link: name(),
+                        })
                     }
                     Some(_) => Ok(()),
                 }

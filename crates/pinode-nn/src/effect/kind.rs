@@ -145,7 +145,7 @@ impl Kind {
             Action::Joint(_) | Action::Memory(_) => ActsOn::Joint,
             Action::Sensor(_) => ActsOn::Sensor,
             Action::Drive(_) | Action::Transmission(_) => ActsOn::Input,
-            Action::Inertial(Inertial::PointMass | Inertial::Payload) => ActsOn::Link,
+            Action::Inertial(change) if change.is_on_link() => ActsOn::Link,
             Action::Inertial(_) => ActsOn::Joint,
         }
     }
@@ -223,7 +223,10 @@ impl Kind {
                 strength.lower == 0.0 && strength.neutral == 0.0 && others.iter().all(free)
             }
             (Action::Inertial(change), _) => {
-                matches!(change, Inertial::PointMass | Inertial::Rotor)
+                matches!(
+                    change,
+                    Inertial::PointMass | Inertial::Rotor | Inertial::OfLink
+                )
             }
             _ => false,
         }
@@ -430,6 +433,8 @@ pub enum Quantity {
     Time,
     /// kg or kg·m².
     Inertia,
+    /// kg·m².
+    RotationalInertia,
     /// Of an input as it is logged: no unit is known of it.
     Input,
     /// rad.
@@ -457,7 +462,7 @@ impl Quantity {
             (Quantity::Velocity, false) => "m/s",
             (Quantity::Velocity, true) => "rad/s",
             (Quantity::Inertia, false) => "kg",
-            (Quantity::Inertia, true) => "kg·m²",
+            (Quantity::Inertia, true) | (Quantity::RotationalInertia, _) => "kg·m²",
             (Quantity::Time, _) => "s",
             (Quantity::Angle, _) => "rad",
             (Quantity::Ratio | Quantity::Input, _) => "1",

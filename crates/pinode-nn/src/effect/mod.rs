@@ -27,6 +27,7 @@ mod added_mass;
 mod asymmetric_coulomb_friction;
 mod asymmetric_viscous_friction;
 mod backlash;
+mod centre_of_mass;
 mod constant_force;
 mod coulomb_friction;
 mod cubic_spring;
@@ -41,6 +42,7 @@ mod input_gain_error;
 mod input_offset;
 mod input_saturation;
 mod linear_spring;
+mod link_inertia;
 mod load_dependent_friction;
 mod lugre_friction;
 mod payload;
@@ -58,8 +60,8 @@ mod viscous_friction;
 pub use between::Between;
 pub use distortion::Distortion;
 pub use drive::{DriveLaw, Grid, Signal};
-pub(crate) use inertial::moved;
 pub use inertial::{Inertial, Misplaced, tilt_direction};
+pub(crate) use inertial::{about_joint, moved};
 pub use joint_force::{
     DryFriction, ForceLaw, JointForce, JointForceDerivatives, OnCoordinate, RigidStop, smooth_sign,
 };

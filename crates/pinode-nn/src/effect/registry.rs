@@ -32,6 +32,8 @@ pub static ALL: &[&Kind] = &[
     &super::elastic_transmission::KIND,
     &super::added_mass::KIND,
     &super::payload::KIND,
+    &super::centre_of_mass::KIND,
+    &super::link_inertia::KIND,
     &super::reflected_inertia::KIND,
     &super::sensor_offset::KIND,
     &super::sensor_scale::KIND,

@@ -30,9 +30,9 @@ use std::sync::Arc;
 
 use integrators::{Flat, PhaseSpace, Product, Space};
 use lagrange::Mechanics;
-use lagrange::mechanism::{Link, LinkForce, Tree};
+use lagrange::mechanism::{JointKind, Link, LinkForce, Tree};
 
-use crate::effect::{Action, ActsOn, Between, Inertial, Kind, Law};
+use crate::effect::{Action, ActsOn, Between, Inertial, Kind, Law, about_joint};
 use crate::entries::Start;
 use crate::learnt::LearntForce;
 use crate::motion::Positions;
@@ -214,6 +214,17 @@ impl Hybrid {
         (body.name == link.name && body.mass > 0.0).then_some(body.mass)
     }
 
+    /// The mass of that body, kg, or what a kind of effect changes of its inertia: that about its joint, kg·m².
+    pub fn inertia_of_body(&self, kind: &Kind, link: usize) -> Option<f64> {
+        let mass = self.mass_of_body(link)?;
+        let tree = self.variants.as_ref()?.tree();
+        let body = tree.bodies().get(tree.links().get(link)?.body?)?;
+        Some(match kind.inertial() {
+            Some(Inertial::OfLink) => about_joint(body),
+            _ => mass,
+        })
+    }
+
     /// The way from the joint of the body that link `link` belongs to, to its centre of mass, m.
     pub fn way_to_centre(&self, link: usize) -> Option<f64> {
         let tree = self.variants.as_ref()?.tree();
@@ -230,6 +241,9 @@ impl Hybrid {
         let sensible = match change {
             Inertial::Rotor | Inertial::Motor => true,
             Inertial::PointMass | Inertial::Payload => self.mass_of_body(target).is_some(),
+            Inertial::Centre | Inertial::OfLink => {
+                self.mass_of_body(target).is_some() && tree.is_some_and(|tree| turns(tree, target))
+            }
             Inertial::Tilt => tree.is_some_and(|tree| {
                 let on_base = tree.bodies().iter().filter(|body| body.parent.is_none());
                 let mut joints = on_base.filter_map(|body| tree.joints().get(body.joint?));
@@ -263,6 +277,20 @@ impl Hybrid {
     pub fn range(&self, index: usize) -> Range<usize> {
         self.ranges[index].clone()
     }
+}
+
+/// Whether the body that a link belongs to turns with any joint: else where its mass is in it does not show.
+fn turns(tree: &Tree, link: usize) -> bool {
+    let mut at = tree.links().get(link).and_then(|link| link.body);
+    while let Some(body) = at.and_then(|at| tree.bodies().get(at)) {
+        let joint = body.joint.and_then(|joint| tree.joints().get(joint));
+        // A base that floats turns as it likes.
+        if joint.is_none_or(|joint| joint.kind != JointKind::Prismatic) {
+            return true;
+        }
+        at = body.parent;
+    }
+    false
 }
 
 /// The coordinate that moves the body of a link.

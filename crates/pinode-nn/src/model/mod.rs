@@ -84,7 +84,8 @@
 //! ```
 //!
 //! An `added_mass` sits on a link of a URDF, `link = "pole"`, and is a point mass at the centre of mass of all that is welded to it; a `payload` is one on
-//! the line there from its joint, `place` times as far.
+//! the line there from its joint, `place` times as far. A `centre_of_mass` says that the body's own mass is `place` times as far, a `link_inertia` that the body has more
+//! inertia about the axes normal to that line, kg·m².
 //!
 //! `joint`, `[sensor.…]`, `zero` and the columns of a log name coordinates: a joint with one coordinate gives it its name, a planar
 //! joint has three (`foot.x`, `foot.y`, `foot.theta`; in TOML `[sensor."foot.x"]`). The pose of a floating body cannot be named there:

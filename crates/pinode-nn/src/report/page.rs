@@ -241,7 +241,7 @@ fn constants(diagnosis: &Diagnosis) -> Vec<ConstantRow> {
                     false => String::new(),
                 },
                 tolerance: number(c.tolerance),
-                tolerances: match c.tolerance.is_finite() {
+                tolerances: match c.tolerance.is_finite() && c.tolerance > 0.0 {
                     true => format!("{:+.1}", c.tolerances()),
                     false => String::new(),
                 },

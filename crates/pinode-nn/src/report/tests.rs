@@ -354,7 +354,7 @@ fn written(diagnosis: &Diagnosis, curves: &Curves) -> (String, String) {
 fn the_report_says_the_verdict_and_everything_it_rests_on() {
     let (_, own) = written(&diagnosis("slider"), &curves("slider"));
     for said in [
-        "Coulomb friction on `slider` is missing: 0.312 ± 0.010 N (98 %). \
+        "Coulomb friction on `slider` is missing: 0.312 ± 0.010 N (98 % for it or asymmetric Coulomb friction on `slider`). \
          Free-run error on unseen data falls from 12.3 to 1.10 times the sensor noise.",
         "asymmetric Coulomb friction on slider",
         "follows the velocity of slider (83 % of its variance)",
@@ -618,10 +618,18 @@ fn every_verdict_is_a_sentence() {
         said.starts_with("`slider` has less mass than the model has: "),
         "{said}"
     );
+    let place = d.effects[0].parameters.remove("mass").unwrap();
+    d.effects[0].kind = "centre_of_mass".into();
+    d.effects[0].parameters.insert("place".into(), place);
+    let said = verdict_in_words(&d);
+    assert!(
+        said.starts_with("The centre of mass of `slider` is -0.100 ± 0.010"),
+        "{said}"
+    );
     d.effects = found.clone();
     d.effects.extend(found);
     assert!(verdict_in_words(&d).starts_with(
-        "2 effects are missing: Coulomb friction on `slider`, 0.312 ± 0.010 N (98 %); Coulomb"
+        "2 effects are missing: Coulomb friction on `slider`, 0.312 ± 0.010 N (98 % for it or asymmetric Coulomb friction on `slider`); Coulomb"
     ));
     d.change = Some(Change {
         name: "force of coulomb_friction on `slider`".into(),

@@ -102,7 +102,7 @@ fn adjusted(diagnosis: &Diagnosis) -> String {
         .constants
         .iter()
         .filter(|c| c.moved().is_some())
-        .map(|c| format!("the {} is {}", c.name, uncertain(c.fitted, c.std)))
+        .map(|c| format!("{} is {}", c.spoken(), uncertain(c.fitted, c.std)))
         .collect();
     match moved.is_empty() {
         true => String::new(),
@@ -152,10 +152,45 @@ fn takes_away(effect: &NamedEffect) -> Option<&'static str> {
     (effect.parameters.get(name)?.value < 0.0).then_some(name)
 }
 
+/// How probable an effect is: together with what the data do not tell from it.
+fn sure(effect: &NamedEffect) -> String {
+    const NAMED: usize = 2;
+    let share = percent(effect.confidence);
+    let others = effect.indistinguishable_from.iter();
+    let named = others.map(|name| format!("{} on `{}`", plain(&name.kind), name.target));
+    let mut names: Vec<String> = named.collect();
+    let more = names.len().saturating_sub(NAMED);
+    if more > 1 {
+        names.truncate(NAMED);
+        names.push(format!("one of {more} others"));
+    }
+    match names.split_last() {
+        None => share,
+        Some((last, [])) => format!("{share} for it or {last}"),
+        Some((last, first)) => format!("{share} for it, {} or {last}", first.join(", ")),
+    }
+}
+
+/// Where a centre of mass is that is not where the model has it.
+fn elsewhere(effect: &NamedEffect) -> Option<String> {
+    let place = effect.parameters.get("place")?;
+    let is_centre = effect.kind == "centre_of_mass";
+    is_centre.then(|| {
+        format!(
+            "the centre of mass of `{}` is {} times as far from its joint as the model has it",
+            effect.target,
+            quantity(place)
+        )
+    })
+}
+
 fn missing(effects: &[NamedEffect]) -> String {
     match effects {
         [] => "An effect is missing".to_owned(),
         [one] => {
+            if let Some(said) = elsewhere(one) {
+                return format!("{} ({})", capital(&said), sure(one));
+            }
             let said = match takes_away(one) {
                 Some(_) if one.beside_fixed => {
                     let kind = capital(&plain(&one.kind));
@@ -166,17 +201,20 @@ fn missing(effects: &[NamedEffect]) -> String {
             };
             match quantities(one) {
                 Some(quantities) => {
-                    format!("{said}: {quantities} ({})", percent(one.confidence))
+                    format!("{said}: {quantities} ({})", sure(one))
                 }
-                None => format!("{said} ({})", percent(one.confidence)),
+                None => format!("{said} ({})", sure(one)),
             }
         }
         several => {
             let said: Vec<String> = several
                 .iter()
                 .map(|e| {
-                    let quantities = quantities(e).map_or(String::new(), |q| format!(", {q}"));
-                    format!("{}{quantities} ({})", placed(e), percent(e.confidence))
+                    let said = elsewhere(e).unwrap_or_else(|| match quantities(e) {
+                        Some(quantities) => format!("{}, {quantities}", placed(e)),
+                        None => placed(e),
+                    });
+                    format!("{said} ({})", sure(e))
                 })
                 .collect();
             format!("{} effects are missing: {}", several.len(), said.join("; "))

@@ -1,4 +1,4 @@
-//! Two links that turn about level axes, each driven, and what the second one holds.
+//! Two links that turn about level axes, each driven, and what the second one holds, or is.
 
 use pinode_nn::diagnose::diagnose;
 use pinode_nn::log::Log;
@@ -19,12 +19,46 @@ const INERTIA: [f64; 2] = [0.013, 0.0065];
 /// N·m·s/rad, known to the model unless a test says otherwise.
 const FRICTION: [f64; 2] = [0.3, 0.1];
 
-/// θ̈ of both joints, the second one's from the first link, of hanging links under these torques, with a mass `load`, kg, held `at` m from the second joint.
-/// From T and V by hand, in absolute angles a = θ₁, b = θ₁ + θ₂: the load moves the second link's mass, first and second moment.
-fn acceleration([q1, q2, v1, v2]: [f64; 4], torque: [f64; 2], (load, at): (f64, f64)) -> [f64; 2] {
-    let second = MASS[1] + load;
-    let first_moment = MASS[1] * CENTRE[1] + load * at;
-    let about_elbow = INERTIA[1] + MASS[1] * CENTRE[1].powi(2) + load * at * at;
+/// The second link: its mass, kg, and about its joint its first moment, kg·m, and its inertia, kg·m².
+#[derive(Clone, Copy)]
+struct Fore {
+    mass: f64,
+    first_moment: f64,
+    inertia: f64,
+}
+
+impl Fore {
+    /// With its centre of mass and its inertia about that where these say.
+    fn of(centre: f64, inertia: f64) -> Self {
+        Fore {
+            mass: MASS[1],
+            first_moment: MASS[1] * centre,
+            inertia: inertia + MASS[1] * centre.powi(2),
+        }
+    }
+
+    /// As the model has it.
+    fn plain() -> Self {
+        Fore::of(CENTRE[1], INERTIA[1])
+    }
+
+    /// The same with a mass `load`, kg, held `at` m from the joint.
+    fn holding(self, (load, at): (f64, f64)) -> Self {
+        Fore {
+            mass: self.mass + load,
+            first_moment: self.first_moment + load * at,
+            inertia: self.inertia + load * at * at,
+        }
+    }
+}
+
+/// θ̈ of both joints, the second one's from the first link, of hanging links under these torques. From T and V by hand, in absolute angles a = θ₁, b = θ₁ + θ₂.
+fn acceleration([q1, q2, v1, v2]: [f64; 4], torque: [f64; 2], fore: Fore) -> [f64; 2] {
+    let Fore {
+        mass: second,
+        first_moment,
+        inertia: about_elbow,
+    } = fore;
     let about_shoulder = INERTIA[0] + MASS[0] * CENTRE[0].powi(2) + second * LENGTH.powi(2);
     let (a, b, va, vb) = (q1, q1 + q2, v1, v1 + v2);
     let (sin, cos) = (b - a).sin_cos();
@@ -42,23 +76,23 @@ fn acceleration([q1, q2, v1, v2]: [f64; 4], torque: [f64; 2], (load, at): (f64, 
 }
 
 /// 40 s at 100 Hz under torques of three sines each, held from sample to sample.
-fn log(load: (f64, f64), seed: u64) -> Log {
+fn log(fore: Fore, seed: u64) -> Log {
     let shoulder = |t: f64| 2.0 * (1.1 * t).sin() + 1.5 * (2.7 * t + 1.0).sin() + (4.9 * t).cos();
     let elbow =
         |t: f64| 0.5 * (1.7 * t).sin() + 0.4 * (3.3 * t + 2.0).sin() + 0.2 * (6.1 * t).cos();
-    log_under([&shoulder, &elbow], 0, load, seed)
+    log_under([&shoulder, &elbow], 0, fore, seed)
 }
 
 /// The same under other torques, which come so many samples late.
-fn log_under(torques: [&dyn Fn(f64) -> f64; 2], late: usize, load: (f64, f64), seed: u64) -> Log {
-    log_with(torques, late, load, [0.0; 2], seed)
+fn log_under(torques: [&dyn Fn(f64) -> f64; 2], late: usize, fore: Fore, seed: u64) -> Log {
+    log_with(torques, late, fore, [0.0; 2], seed)
 }
 
 /// The same with dry friction of these torques on the joints.
 fn log_with(
     torques: [&dyn Fn(f64) -> f64; 2],
     late: usize,
-    load: (f64, f64),
+    fore: Fore,
     dry: [f64; 2],
     seed: u64,
 ) -> Log {
@@ -78,7 +112,7 @@ fn log_with(
         let rates = |x: [f64; 4]| {
             let rubs = |j: usize| FRICTION[j] * x[2 + j] + dry[j] * (x[2 + j] / 0.01).tanh();
             let torque = [first - rubs(0), second - rubs(1)];
-            let [a, b] = acceleration(x, torque, load);
+            let [a, b] = acceleration(x, torque, fore);
             [x[2], x[3], a, b]
         };
         for _ in 0..SUBSTEPS {
@@ -141,7 +175,7 @@ fn motors_that_are_late_by_the_same_are_told_and_that_the_readings_may_be() {
         [[1.34, 2.76], [2.37, 2.19], [6.14, 4.58], [5.23, 1.72]],
     );
     let dir = tempfile::tempdir().unwrap();
-    let late = log_under([&shoulder, &elbow], 2, (0.0, 0.0), 3);
+    let late = log_under([&shoulder, &elbow], 2, Fore::plain(), 3);
     let found = diagnosed(&model(dir.path()), late);
     let mut effects: Vec<_> = found.effects.iter().collect();
     effects.sort_by_key(|effect| &effect.target);
@@ -172,7 +206,7 @@ fn what_an_arm_holds_is_a_payload_with_its_mass_and_its_place() {
     let given = model(dir.path());
     let outcome = diagnose(
         &given,
-        &[log(LOAD, 1)],
+        &[log(Fore::plain().holding(LOAD), 1)],
         &[],
         &dir.path().join("out"),
         0,
@@ -198,6 +232,36 @@ fn what_an_arm_holds_is_a_payload_with_its_mass_and_its_place() {
         .iter()
         .find(|a| a.contains("the payload on `fore` is 0.3"));
     assert!(said.is_some(), "{:?}", found.advice);
+}
+
+/// Each had been a mass at the wrong place, or a negative one, with > 99 %.
+#[test]
+fn a_link_whose_centre_or_inertia_is_another_is_told_so() {
+    let dir = tempfile::tempdir().unwrap();
+    let given = model(dir.path());
+    let farther = Fore::of(1.15 * CENTRE[1], INERTIA[1]);
+    let rounder = Fore::of(CENTRE[1], 1.4 * INERTIA[1]);
+    for (fore, kind, value) in [
+        (farther, "centre_of_mass", 1.15),
+        (rounder, "link_inertia", 0.4 * INERTIA[1]),
+    ] {
+        let found = diagnosed(&given, log(fore, 1));
+        let [effect] = found.effects.as_slice() else {
+            panic!("{:?}", found.effects);
+        };
+        assert_eq!(
+            (effect.kind.as_str(), effect.target.as_str()),
+            (kind, "fore")
+        );
+        let fitted = effect.parameters.values().next().unwrap();
+        let off = (fitted.value - value).abs();
+        assert!(off < 0.03 * value, "{fitted:?}");
+        assert!(off < 4.0 * fitted.std.unwrap(), "{fitted:?}");
+        assert!(found.gap.after < 2.0, "{:?}", found.gap);
+        let mut advice = found.advice.iter();
+        let told = advice.any(|a| a.contains("the centre of mass of `fore` is 0.161"));
+        assert_eq!(told, kind == "centre_of_mass", "{:?}", found.advice);
+    }
 }
 
 /// One link of 0.4 kg whose centre of mass is 0.25 m below its joint, with its motor, read with this noise; its forces are those of [`log_by`].
@@ -282,7 +346,7 @@ fn nothing_is_found_missing_in_an_arm_that_holds_nothing() {
     let given = model(dir.path());
     let outcome = diagnose(
         &given,
-        &[log((0.0, 0.0), 2)],
+        &[log(Fore::plain(), 2)],
         &[],
         &dir.path().join("out"),
         0,
@@ -306,7 +370,7 @@ fn the_friction_of_all_joints_is_found_where_none_is_in_the_model() {
     let dry = [0.25, 0.08];
     let found = diagnosed(
         &model,
-        log_with([&shoulder, &elbow], 0, (0.0, 0.0), dry, 11),
+        log_with([&shoulder, &elbow], 0, Fore::plain(), dry, 11),
     );
     let mut named: Vec<(&str, &str, f64)> = found
         .effects

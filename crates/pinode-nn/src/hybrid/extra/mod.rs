@@ -26,7 +26,7 @@ use number::{Number, add_scaled};
 
 pub(super) use derivatives::RowMemory;
 pub(super) use variants::Variants;
-use variants::{FAMILIES, share};
+use variants::{FAMILIES, share, spread};
 
 /// What the effects of one model add.
 pub(super) struct Extra {
@@ -51,26 +51,50 @@ struct Rotor {
     sign: f64,
 }
 
-/// A point mass on the line from the joint of a body through its centre of mass.
+/// Point masses on the line from the joint of a body through its centre of mass.
 struct Point {
     body: usize,
     /// Of the body among those that have some.
     column: usize,
-    /// Of its mass.
+    /// Of the effect's first parameter.
     slot: usize,
-    /// Of its place, in ways from the joint to the centre of mass; none at that.
-    place: Option<usize>,
+    what: Load,
+}
+
+/// What is put on that line; places in ways from the joint to the centre of mass.
+#[derive(Clone, Copy, PartialEq)]
+enum Load {
+    /// A mass at the centre of mass.
+    Mass,
+    /// A mass at the place of this slot.
+    At(usize),
+    /// This mass, kg, away from the centre of mass to the place of the slot.
+    Moved(f64),
+    /// Inertia without a mass: so many masses of ½ ∂²/∂s² for 1 kg·m².
+    Spread(f64),
 }
 
 impl Point {
     /// What it adds to the mass of its body in a family of point masses, and the derivatives of that with its slots.
     fn in_family(&self, family: usize, p: &[f64]) -> (f64, [(usize, f64); 2]) {
-        let (mass, times) = (p[self.slot], self.place.map_or(1.0, |slot| p[slot]));
-        let (share, slope) = share(family, times);
-        let by_place = self
-            .place
-            .map_or((self.slot, 0.0), |slot| (slot, mass * slope));
-        (mass * share, [(self.slot, share), by_place])
+        let (x, none) = (p[self.slot], (self.slot, 0.0));
+        let (at_centre, _) = share(family, 1.0);
+        let linear = |per: f64| (x * per, [(self.slot, per), none]);
+        match self.what {
+            Load::Mass => linear(at_centre),
+            Load::At(place) => {
+                let (share, slope) = share(family, p[place]);
+                (x * share, [(self.slot, share), (place, x * slope)])
+            }
+            Load::Moved(mass) => {
+                let (share, slope) = share(family, x);
+                (
+                    mass * (share - at_centre),
+                    [(self.slot, mass * slope), none],
+                )
+            }
+            Load::Spread(masses) => linear(masses * spread(family)),
+        }
     }
 }
 
@@ -163,13 +187,25 @@ impl Extra {
                         None => extra.in_place = false,
                     }
                 }
-                Inertial::PointMass | Inertial::Payload => {
-                    let place = (change == Inertial::Payload).then_some(slot + 1);
-                    let further = place.map(|_| range.start + parameter + 1);
-                    extra.parameters.extend(further);
-                    let link = variants.and_then(|v| v.tree().links().get(effect.target));
-                    match link.and_then(|link| link.body) {
-                        Some(body) => extra.load_body(body, slot, place),
+                Inertial::PointMass | Inertial::Payload | Inertial::Centre | Inertial::OfLink => {
+                    if change == Inertial::Payload {
+                        extra.parameters.push(range.start + parameter + 1);
+                    }
+                    let tree = variants.map(|v| v.tree());
+                    let loaded = tree.and_then(|tree| {
+                        let index = tree.links().get(effect.target)?.body?;
+                        Some((index, tree.bodies().get(index)?))
+                    });
+                    match loaded {
+                        Some((index, body)) => {
+                            let what = match change {
+                                Inertial::Payload => Load::At(slot + 1),
+                                Inertial::Centre => Load::Moved(body.mass),
+                                Inertial::OfLink => Load::Spread(1.0 / body.centre.norm_squared()),
+                                _ => Load::Mass,
+                            };
+                            extra.load_body(index, slot, what);
+                        }
                         None => extra.in_place = false,
                     }
                 }
@@ -183,7 +219,7 @@ impl Extra {
         extra.bodies = variants.map_or(0, |v| v.tree().bodies().len());
         let families = match extra.points.as_slice() {
             [] => 0,
-            points if points.iter().all(|point| point.place.is_none()) => 1,
+            points if points.iter().all(|point| point.what == Load::Mass) => 1,
             _ => FAMILIES,
         };
         let points = |family| variants.and_then(|v| v.points(family));
@@ -211,7 +247,7 @@ impl Extra {
         Some(extra)
     }
 
-    fn load_body(&mut self, body: usize, slot: usize, place: Option<usize>) {
+    fn load_body(&mut self, body: usize, slot: usize, what: Load) {
         let known = self.loaded.iter().position(|other| *other == body);
         let column = known.unwrap_or(self.loaded.len());
         if known.is_none() {
@@ -221,7 +257,7 @@ impl Extra {
             body,
             column,
             slot,
-            place,
+            what,
         });
     }
 

@@ -25,6 +25,11 @@ pub(super) fn share(family: usize, times: f64) -> (f64, f64) {
     }
 }
 
+/// The share of a family in inertia that has no mass: half the second derivative of [`share`], at any place.
+pub(super) fn spread(family: usize) -> f64 {
+    if family == 0 { -1.0 } else { 0.5 }
+}
+
 /// The tree of a model with other masses and under other gravities.
 pub struct Variants {
     tree: Tree,
