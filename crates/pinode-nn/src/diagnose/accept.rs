@@ -82,6 +82,7 @@ pub fn simpler(contenders: &[Contender], k: usize, best: usize) -> Option<usize>
         let lead = Comparison::of(&contenders[c].fitted, &other.fitted);
         // One that stretches what is known in place of a constant of its own is no simpler.
         lead.explains()
+            || (contenders[c].contains(other) && lead.explains_more())
             || lead.relieves()
             || (contenders[c].standing == Standing::Slight && lead.leads_slightly())
     };

@@ -32,6 +32,8 @@ const PART: f64 = 0.5;
 /// What is accepted explains the seen windows by so many standard errors and those held out by so many, or both by as much as is the least of each.
 const LEAST_Z: (f64, f64) = (4.0, 2.0);
 const LEAST_Z_OF_BOTH: f64 = 3.0;
+/// What is nearly as good explains those held out by so many.
+const BORNE_OUT_Z: f64 = 1.0;
 /// … and so many nats a sample of the one and of the other.
 const LEAST_GAIN: (f64, f64) = (0.05, 0.025);
 /// What takes away all that follows from anything may explain less by this factor.
@@ -98,6 +100,21 @@ impl Comparison {
         lacks(z, (self.inside_gain / LITTLE, self.outside_gain / LITTLE)).is_none()
     }
 
+    /// Whether a law explains more than another that it contains, also where few windows make it: the gain is large enough on both sides, and as sure on both
+    /// together as is the least of each. Those held out did not choose between the two, and are with the larger one.
+    pub fn explains_more(&self) -> bool {
+        let (inside, outside) = (self.inside.skewed_z, self.outside.skewed_z);
+        let is_large = self.inside_gain > LEAST_GAIN.0 && self.outside_gain > LEAST_GAIN.1;
+        let are_sure = inside.powi(2) + outside.powi(2) > LEAST_Z.0.powi(2) + LEAST_Z.1.powi(2);
+        is_large && are_sure && inside > LEAST_Z_OF_BOTH && outside > BORNE_OUT_Z
+    }
+
+    /// Whether it may explain more than that: then the data do not tell the two apart.
+    pub fn may_explain_more(&self) -> bool {
+        let is_sure = self.inside.skewed_z > LEAST_Z_OF_BOTH;
+        self.nearly_explains() || (is_sure && self.has_nearly_the_gain())
+    }
+
     /// Whether the gain is large enough on both sides, and all that decide are for it: what strikes in a few windows, in some of them hard, has a mean as
     /// large as its scatter however sure it is.
     pub fn explains_now_and_then(&self) -> bool {
@@ -126,10 +143,13 @@ impl Comparison {
 
     /// Whether it is as good on the seen windows, or nearly, and half as good on those held out, of which there are fewer.
     pub fn nearly_explains(&self) -> bool {
-        self.inside.z > 3.0
-            && self.outside.z > 1.0
-            && self.inside_gain > 0.05
-            && self.outside_gain > 0.0125
+        let is_sure = self.inside.z > LEAST_Z_OF_BOTH && self.outside.z > BORNE_OUT_Z;
+        is_sure && self.has_nearly_the_gain()
+    }
+
+    /// Whether the gain is large enough on the seen windows, and half of that on those held out.
+    fn has_nearly_the_gain(&self) -> bool {
+        self.inside_gain > LEAST_GAIN.0 && self.outside_gain > 0.5 * LEAST_GAIN.1
     }
 
     /// All that speaks for it on the seen windows, nats: what it explains better, and the tolerances that it stretches less.
@@ -166,6 +186,7 @@ mod tests {
     fn what_is_slight_is_borne_out_by_the_windows_held_out() {
         let paired = |z: f64, gain: f64| Paired {
             z,
+            skewed_z: z,
             gain,
             windows: 25,
             decided: [0; 2],
@@ -189,6 +210,7 @@ mod tests {
         let with = |inside: [usize; 2], outside: [usize; 2], held_out: f64| {
             let side = |decided| Paired {
                 z: 1.5,
+                skewed_z: 1.5,
                 gain: 900.0,
                 windows: 40,
                 decided,

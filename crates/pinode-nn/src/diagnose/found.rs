@@ -318,7 +318,7 @@ fn weigh(
         if other == candidate || contains {
             confidence += rival.wins;
             let lead = |own: &Contender| Comparison::of(&rival.fitted, &own.fitted);
-            if contains && own.is_some_and(|own| rival.is_rival() && lead(own).nearly_explains()) {
+            if contains && own.is_some_and(|own| rival.is_rival() && lead(own).may_explain_more()) {
                 indistinguishable.push(other);
             }
         } else if twins.contains(&other) || tied {
@@ -397,6 +397,7 @@ mod tests {
     fn what_explains_and_relieves_more_is_told_first() {
         let windows = Paired {
             z: 9.0,
+            skewed_z: 9.0,
             gain: 0.0,
             windows: 75,
             decided: [75, 0],

@@ -210,8 +210,10 @@ impl<'a> Resort<'a> {
         let comparison = Comparison::of(&fitted, given);
         if !comparison.explains() {
             return Err(format!(
-                "A small network that was taught it explains windows that it has not seen no better ({} nats a sample, {:.1} standard errors): it is \
-                 not added.",
+                "A small network that was taught it explains too little: {} nats a sample of the windows that it was taught ({:.1} standard errors) and {} of \
+                 those that it has not seen ({:.1}). It is not added.",
+                number(comparison.inside_gain),
+                comparison.inside.z,
                 number(comparison.outside_gain),
                 comparison.outside.z
             ));

@@ -25,12 +25,12 @@ const WORTH_A_FIT: f64 = 0.8;
 /// Its iterations.
 const ITERATIONS: usize = 12;
 /// So many times as wide ranges of speeds are tried for the sign of dry friction, over one in so many windows by so many iterations; where one gains so many nats
-/// there it is tried in all, and others that are nearer to it by these factors.
-const WIDER: [f64; 3] = [4.0, 16.0, 64.0];
+/// there it is tried in all, and others that are nearer to it by these factors. The first two tell what is nearly as sharp as it is taken to be.
+const WIDTHS: [f64; 5] = [0.6, 1.5, 4.0, 16.0, 64.0];
 const SHARE: usize = 4;
 const TRIED: usize = 4;
 const WORTH_A_TRIAL: f64 = 3.0;
-const NEARER: [f64; 2] = [2.0, SQRT_2];
+const NEARER: [f64; 3] = [2.0, SQRT_2, 1.189];
 /// So many times the usual range is no numerical one.
 const SOFT: f64 = 1.3;
 /// The check is over so many windows of the log, spread evenly: a few fits' worth of roll-outs.
@@ -175,8 +175,8 @@ fn is_dry(placed: &Placed) -> bool {
     placed.kind.dry().is_some()
 }
 
-/// A fitted model with the dry friction that was `added` spread over so many more speeds as explain the data, which then hold no joint at rest: fluid friction
-/// of what is lubricated, and the tanh of other people's simulations. `None` where it explains no more so.
+/// A fitted model with the dry friction that was `added` spread over the speeds that explain the data. Over many more than usual it holds no joint at rest: fluid
+/// friction of what is lubricated, and the tanh of other people's simulations. `None` where it explains no more so.
 pub fn softened(study: &Study, fitted: &Fitted, added: &[Candidate]) -> Option<Fitted> {
     let is_soft = |placed: &Placed| is_dry(placed) && added.iter().any(|c| c.is(placed));
     if !fitted.hybrid.effects().iter().any(is_soft) {
@@ -188,11 +188,11 @@ pub fn softened(study: &Study, fitted: &Fitted, added: &[Candidate]) -> Option<F
     };
     // Little changes before the range reaches speeds that the motion has often. Some of the windows tell whether it does.
     let (some, there) = study.some_windows(fitted, SHARE);
-    let tried = WIDER.map(|factor| spread(&some, &there, factor, TRIED));
+    let tried = WIDTHS.map(|factor| spread(&some, &there, factor, TRIED));
     let gains = tried
         .each_ref()
         .map(|soft| Comparison::of(soft, &there).total());
-    let gains = gains.into_iter().zip(WIDER);
+    let gains = gains.into_iter().zip(WIDTHS);
     let (gain, factor) = gains.max_by(|(a, _), (b, _)| a.total_cmp(b))?;
     if gain < WORTH_A_TRIAL {
         return None;
@@ -207,7 +207,8 @@ pub fn softened(study: &Study, fitted: &Fitted, added: &[Candidate]) -> Option<F
             soft = better;
         }
     }
-    Comparison::of(&soft, fitted).explains().then_some(soft)
+    let lead = Comparison::of(&soft, fitted);
+    (lead.explains() || lead.explains_more()).then_some(soft)
 }
 
 /// The dry friction of a fitted model that is spread over more speeds than dry friction is.

@@ -3,6 +3,9 @@
 //! A body that is heavier as a whole, its inertia in proportion, is no effect: a fit takes it as a mass scale, within its tolerance. Where that is narrow,
 //! all other masses, the gains and whatever is free give a little each instead, and a name that frees one of those is accepted for the tolerances
 //! that it relieves. The constant itself, with its tolerance set aside, is that name's rival.
+//!
+//! So is every constant in energies that are written down, of which the model does not say how well it is known: a mass that is 8 % off is a force that changes with
+//! the angle and an inertia, or the exact likeness of one law.
 
 use rayon::prelude::*;
 
@@ -18,14 +21,14 @@ use crate::hybrid::ConstantId;
 const TRIED: usize = 2;
 /// A name gives way to a constant that explains more by so many nats: iterations end as far apart.
 const AHEAD: f64 = 1.0;
-/// … and one that says of a body or a joint what the scale of a body says, that its inertia is another, by so many: twenty to one.
-const AHEAD_OF_INERTIA: f64 = 3.0;
+/// … and one that may say the same in other words, as that the inertia of a body or a joint is another, by so many: twenty to one.
+const AHEAD_OF_LIKENESS: f64 = 3.0;
 
 /// The index in θ of one constant of the mechanism and the model with its tolerance set aside, the one that explains most; `None` where the fit does not stretch
 /// its tolerances so far that their relief would speak for anything.
 ///
 /// Of a constant that is d from its value with the tolerance τ and the standard error s, its release promises d²/2(τ² − s²).
-pub fn released(study: &Study, current: &Fitted) -> Option<(usize, Fitted)> {
+fn released(study: &Study, current: &Fitted) -> Option<(usize, Fitted)> {
     let fit = &current.inside;
     if fit.stretch <= RELIEF {
         return None;
@@ -44,17 +47,48 @@ pub fn released(study: &Study, current: &Fitted) -> Option<(usize, Fitted)> {
         fit.free.iter().zip(spread).filter_map(promise).collect();
     promising.sort_by(|a, b| b.1.total_cmp(&a.1));
     promising.truncate(TRIED);
-    let fits = promising.par_iter().map(|&(i, _)| {
+    let promising: Vec<usize> = promising.into_iter().map(|(i, _)| i).collect();
+    let best = freed(study, current, &promising);
+    best.filter(|(_, fitted)| Comparison::of(fitted, current).relieves())
+}
+
+/// The same of the constants of which the model does not say how well they are known; `None` where none explains anything.
+fn unsaid(study: &Study, current: &Fitted) -> Option<(usize, Fitted)> {
+    let constants = current.hybrid.constants().iter().enumerate();
+    let open = constants.filter(|(_, c)| !c.is_said && c.tolerance == 0.0 && c.value != 0.0);
+    let open: Vec<usize> = open.map(|(i, _)| i).collect();
+    let best = freed(study, current, &open);
+    best.filter(|(_, fitted)| Comparison::of(fitted, current).explains())
+}
+
+/// The best model with one of these constants free.
+fn freed(study: &Study, current: &Fitted, indices: &[usize]) -> Option<(usize, Fitted)> {
+    let fits = indices.par_iter().map(|&i| {
         let mut hybrid = current.hybrid.clone();
         hybrid.constants_mut()[i].tolerance = f64::INFINITY;
-        let start = current.start(fit.theta.clone());
+        let start = current.start(current.inside.theta.clone());
         (i, study.fit(hybrid, start, 1, ITERATIONS))
     });
     let fits: Vec<(usize, Fitted)> = fits.collect();
-    let best = fits
-        .into_iter()
-        .max_by(|a, b| a.1.score(0).total_cmp(&b.1.score(0)));
-    best.filter(|(_, fitted)| Comparison::of(fitted, current).relieves())
+    fits.into_iter()
+        .max_by(|a, b| a.1.score(0).total_cmp(&b.1.score(0)))
+}
+
+/// A constant of the mechanism that explains more, free, than what a step accepts, with the model that has it so.
+pub fn in_place_of(
+    study: &Study,
+    current: &Fitted,
+    accepted: Option<&Contender>,
+) -> Option<(usize, Fitted)> {
+    let stretched = match accepted {
+        Some(accepted) if accepted.comparison.explains() => None,
+        Some(accepted) => released(study, current).filter(|(_, r)| is_ahead(r, accepted)),
+        None => released(study, current),
+    };
+    let surpasses = |fitted: &Fitted| {
+        accepted.is_none_or(|accepted| fitted.score(1) > accepted.score + AHEAD_OF_LIKENESS)
+    };
+    stretched.or_else(|| unsaid(study, current).filter(|(_, fitted)| surpasses(fitted)))
 }
 
 /// Whether a name does what the scale of a body does: it says that the inertia of a body, or of a joint, is another.
@@ -63,9 +97,9 @@ fn is_inertia(candidate: &Candidate) -> bool {
 }
 
 /// Whether a constant, `released`, explains more than a contender that stands by the tolerances that it relieves.
-pub fn is_ahead(released: &Fitted, contender: &Contender) -> bool {
+fn is_ahead(released: &Fitted, contender: &Contender) -> bool {
     let ahead = match contender.added.iter().all(is_inertia) {
-        true => AHEAD_OF_INERTIA,
+        true => AHEAD_OF_LIKENESS,
         false => AHEAD,
     };
     released.score(1) > contender.score + ahead
@@ -82,17 +116,18 @@ pub struct Instead {
     pub confidence: f64,
 }
 
-/// The constant that would explain as much as what was found of what `reduced`, the model without it, lacks; none where the windows themselves speak for
-/// the name, and where it says the same.
+/// The constant that would explain as much as what was found of what `reduced`, the model without it, lacks. One with a tolerance is none where the windows
+/// themselves speak for the name, and where it says the same.
 pub fn instead(
     study: &Study,
     found: &Found,
     (current, reduced): (&Fitted, &Fitted),
 ) -> Option<Instead> {
-    if is_inertia(&found.candidate) || found.comparison.explains() {
-        return None;
-    }
-    let (index, released) = released(study, reduced)?;
+    let stretched = match is_inertia(&found.candidate) || found.comparison.explains() {
+        true => None,
+        false => released(study, reduced),
+    };
+    let (index, released) = stretched.or_else(|| unsaid(study, reduced))?;
     let (own, other) = (&current.inside.free, &reduced.inside.free);
     let more = own.len().saturating_sub(other.len());
     let behind = released.score(1) - current.score(more);

@@ -8,7 +8,7 @@ use super::comparison::RELIEF;
 use super::refine::{
     Contender, FIRST_LOOK, ITERATIONS, polish, rank, refine, refine_from, refine_one, would_relieve,
 };
-use super::released::{is_ahead, released};
+use super::released::in_place_of;
 use super::remainder::Remainder;
 use super::score::samples_per_window;
 use super::screen::{self, Screen, Screened};
@@ -148,8 +148,8 @@ fn one_step(
     step
 }
 
-/// Steps from `current`, to which the steps `before` led; where one constant that is not what the model says explains more than what a step accepts for
-/// the tolerances that it relieves, or where it accepts nothing, again from there. The last step, and from where it was made.
+/// Steps from `current`, to which the steps `before` led; where one constant that is not what the model says explains more than what a step accepts, or
+/// where it accepts nothing, again from there. The last step, and from where it was made.
 pub fn step_from(
     study: &Study,
     mut current: Fitted,
@@ -162,15 +162,13 @@ pub fn step_from(
     loop {
         let all: Vec<&Step> = before.iter().chain(&passed).collect();
         let step = one_step(study, &current, &all, turn, seed, report);
-        let released = match step.accepted() {
-            Some(accepted) if accepted.comparison.explains() => None,
-            Some(accepted) => released(study, &current).filter(|(_, r)| is_ahead(r, accepted)),
-            None => released(study, &current),
-        };
-        let Some((_, released)) = released else {
+        let Some((index, released)) = in_place_of(study, &current, step.accepted()) else {
             return (current, step);
         };
-        report("a constant of the mechanism is not what its tolerance allows");
+        report(match current.hybrid.constants()[index].is_said {
+            true => "a constant of the mechanism is not what its tolerance allows",
+            false => "a constant of the energies is not what the model says",
+        });
         current = released;
         passed.push(step);
     }

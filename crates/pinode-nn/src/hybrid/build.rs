@@ -51,19 +51,20 @@ impl Hybrid {
             lower: (0.02 * value).min(50.0 * value),
             upper: (0.02 * value).max(50.0 * value),
             tolerance: relative * value.abs(),
+            is_said: true,
         };
         let mut constants = Vec::new();
         for (k, parameter) in mechanics.parameters().iter().enumerate() {
+            let mut said = tolerance.parameters.iter();
             let relative = match parameter.role {
-                Role::MassScale => tolerance.mass,
-                _ => tolerance
-                    .parameters
-                    .iter()
-                    .find(|(index, _)| *index == k)
-                    .map_or(0.0, |(_, relative)| *relative),
+                Role::MassScale => Some(tolerance.mass),
+                _ => said.find(|(index, _)| *index == k).map(|said| said.1),
             };
-            let value = model.parameter_values[k];
-            constants.push(within(ConstantId::Mechanics(k), value, relative));
+            let (id, value) = (ConstantId::Mechanics(k), model.parameter_values[k]);
+            constants.push(Constant {
+                is_said: relative.is_some(),
+                ..within(id, value, relative.unwrap_or(0.0))
+            });
         }
         for (i, input) in model.inputs.iter().enumerate() {
             constants.push(within(ConstantId::Gain(i), input.gain, tolerance.gain));
@@ -76,6 +77,7 @@ impl Hybrid {
                 lower: f64::NEG_INFINITY,
                 upper: f64::INFINITY,
                 tolerance: tolerance.zero[c].unwrap_or(two_quanta),
+                is_said: true,
             });
         }
         let tree = model.tree.as_ref();
@@ -191,6 +193,7 @@ impl Hybrid {
                     true => 0.0,
                     false => f64::INFINITY,
                 },
+                is_said: true,
             });
         }
         let first_state = self.nh();

@@ -19,6 +19,9 @@ pub struct Constant {
     pub upper: f64,
     /// Standard deviation of what is known of it around `value`; 0: exact; infinite: nothing is known.
     pub tolerance: f64,
+    /// Whether the model says so, by itself or by its defaults. Of a constant in energies that has no tolerance it does not: it is exact until a name would be given for
+    /// what it is off by.
+    pub is_said: bool,
 }
 
 /// What an entry of θ is.

@@ -39,6 +39,7 @@ impl Hybrid {
                 lower: f64::NEG_INFINITY,
                 upper: f64::INFINITY,
                 tolerance,
+                is_said: true,
             }));
         self.add_network(force);
         self.open[index] = Some(first..self.constants.len());

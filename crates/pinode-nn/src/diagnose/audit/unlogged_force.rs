@@ -105,8 +105,10 @@ pub fn unlogged_forces(
             column: format!("q.{}", force.coordinate),
             when: vec![burst.when],
             detail: format!(
-                "in this stretch alone a force of up to {:.2} {unit} on `{}` is missing ({:.1} times what is usual), in states that at \
+                "from t = {:.2} to {:.2} s alone a force of up to {:.2} {unit} on `{}` is missing ({:.1} times what is usual), in states that at \
                  other times do without it: something pushed that is not in the log; the stretch is left out of all fits",
+                burst.when[0],
+                burst.when[1],
                 burst.peak,
                 force.coordinate,
                 burst.peak / burst.usual,

@@ -246,7 +246,15 @@ fn meant(model: &Model, logs: &[Log], report: &dyn Fn(&str)) -> Meant {
         return Meant::AsTheyAre;
     }
     report("asking whether the log counts as the model does");
-    let singles = changes(model, logs);
+    let mut singles = changes(model, logs);
+    // What does not move says nothing of where it should stand, and leaves nothing wherever it is read.
+    singles.retain(|change| {
+        let moves = |r: &Reading| match r.signal {
+            Signal::Coordinate(c) => r.from == c || (windows.moves(c) && windows.moves(r.from)),
+            Signal::Time | Signal::Input(_) => true,
+        };
+        change.iter().all(moves)
+    });
     let (mut readings, mut left): (Vec<Reading>, Vec<f64>) = (Vec::new(), given.clone());
     let mut others = Vec::new();
     while windows.worst(&left) > WELL {

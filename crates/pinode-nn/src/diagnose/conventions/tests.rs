@@ -277,7 +277,8 @@ fn exchanged_coordinates_and_exchanged_inputs_are_read_as_they_are_meant() {
         // A weak hold keeps them on the table.
         let force: [f64; 2] = std::array::from_fn(|i| will[i] - 4.0 * x[i] - v[i]);
         let read = x.map(|x| x + rng.random_range(-1e-3..1e-3));
-        rows.push([read[0], read[1], force[0], force[1]]);
+        let noise = 1e-3 * pseudo(k, 0.2);
+        rows.push([read[0], read[1], force[0], force[1], noise]);
         for _ in 0..200 {
             let h = 1e-4;
             let pull = 30.0 * (x[0] - x[1]);
@@ -298,6 +299,8 @@ fn exchanged_coordinates_and_exchanged_inputs_are_read_as_they_are_meant() {
     assert_eq!(found(&model, &log([0, 1, 2, 3])), [""; 0]);
     let blocks = ["q.a = \"q.b\"", "q.b = \"q.a\""];
     assert_eq!(found(&model, &log([1, 0, 2, 3])), blocks);
+    // A sensor that is dead reads nothing of the other block.
+    assert_eq!(found(&model, &log([0, 4, 2, 3])), [""; 0]);
     let motors = ["u.left = \"u.right\"", "u.right = \"u.left\""];
     assert_eq!(found(&model, &log([0, 1, 3, 2])), motors);
     // One block with its motor the other way round is, in a mirror, the other one.
