@@ -63,7 +63,7 @@ fn list(columns: &[Unmoved]) -> String {
 #[non_exhaustive]
 pub enum Error {
     /// A file could not be read or written.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {source}{}", path.display(), cure(source))]
     Io {
         /// The file.
         path: PathBuf,
@@ -363,6 +363,21 @@ pub enum Error {
         /// The length it should have.
         expected: usize,
     },
+}
+
+/// What to do about what the system said.
+fn cure(source: &std::io::Error) -> &'static str {
+    use std::io::ErrorKind;
+    match source.kind() {
+        ErrorKind::NotFound => ": check the path; folders are made in folders that are there",
+        ErrorKind::AlreadyExists | ErrorKind::NotADirectory => {
+            ": a file stands where a folder is to be: give another path"
+        }
+        ErrorKind::IsADirectory => ": give a file in that folder",
+        ErrorKind::PermissionDenied => ": take a path that you may read or write",
+        ErrorKind::StorageFull => ": make room, or give a path on another disk",
+        _ => "",
+    }
 }
 
 impl Error {

@@ -64,6 +64,30 @@ fn exit_codes_tell_failed_work_from_wrong_usage() {
 }
 
 #[test]
+fn what_stands_in_the_wrong_place_is_told_with_what_to_do() {
+    let (dir, log) = file("log.csv", "t,q.slider,q.pole,u.motor\n0,0,0,0\n");
+    let folder = dir.path().display().to_string();
+    for (arguments, said) in [
+        (
+            &["diagnose", &log, &cartpole(), "--out", &folder][..],
+            "the model comes first, then the logs",
+        ),
+        (&["check", &folder], "give a file in that folder"),
+        (
+            &["diagnose", &cartpole(), &folder, "--out", &folder],
+            "give a file in that folder",
+        ),
+        (&["check", "no-such-model.toml"], "check the path"),
+    ] {
+        let failed = pinode(arguments);
+        assert_eq!(failed.status.code(), Some(1), "{arguments:?}");
+        let told = stderr(&failed);
+        assert!(told.contains(said), "{told}");
+        assert_eq!(told.lines().count(), 1, "{told}");
+    }
+}
+
+#[test]
 fn check_prints_the_mechanism_as_text_and_as_json() {
     let text = pinode(&["check", &cartpole()]);
     let text = String::from_utf8_lossy(&text.stdout).into_owned();

@@ -13,9 +13,11 @@ use super::comparison::Comparison;
 use super::conventions::AsMeant;
 use super::found::position;
 use super::misfit::{explained, is_unexplained};
-use super::refine::SHARE;
+use super::refine::{FIRST_LOOK, SHARE, refine_one};
+use super::screen::screen;
 use super::searched::{Ready, Searched};
 use super::setup::thinned;
+use super::step::is_dear;
 use super::study::{Fitted, Study};
 use crate::Error;
 use crate::effect::{Between, Kind, registry};
@@ -29,8 +31,9 @@ const ITERATIONS: (usize, usize) = (3, 8);
 /// One row has to explain the windows better by so many standard errors.
 const LEAST_Z: f64 = 3.0;
 /// It is searched first with inputs from further down that explain this share of the misfit, on a logarithmic scale: beside one missing effect they
-/// explain 0.3 to 1, but for lags, delays and stops. None of 37 logs whose inputs are in their rows is searched so.
+/// explain 0.3 to 1, but for lags, delays and stops. So many laws may explain more.
 const MOST: f64 = 0.25;
+const LAWS: usize = 3;
 
 /// What is found in logs: with every input from rows further down where that leaves nothing, and they as they are something.
 ///
@@ -48,7 +51,9 @@ pub fn searched<'a>(
     };
     let (study, null) = (&ready.cleaned.prepared.study, &ready.cleaned.prepared.null);
     let (few, given) = study.some_windows(null, SHARE);
-    let is_likely = |late: &Late| explained(&few, &given, &late.model) > MOST;
+    let is_likely = |late: &Late| {
+        explained(&few, &given, &late.model) > MOST && !a_law_explains_more(&few, &given, late)
+    };
     let late = is_unexplained(&few, &given).then(|| Late::beside(&ready, &few, &given));
     let late = late.flatten().filter(is_likely);
     let tried = late.as_ref().map(|late| late.rows);
@@ -63,6 +68,15 @@ pub fn searched<'a>(
     let late = Late::beside(&found.ready, &found.search.study, &found.search.model);
     let new = late.filter(|late| Some(late.rows) != tried);
     Ok(again(new, &found.ready).unwrap_or(found))
+}
+
+/// Whether one of the laws that a screen promises most to explains more than late inputs do: strong friction looks like these.
+fn a_law_explains_more(study: &Study, given: &Fitted, late: &Late) -> bool {
+    let ranked = screen(study, given, |kind| !is_dear(kind)).ranked;
+    ranked.iter().take(LAWS).any(|law| {
+        let refined = refine_one(study, given, law, FIRST_LOOK);
+        Comparison::of(&refined.fitted, &late.model).total() > 0.0
+    })
 }
 
 /// Inputs that are written so many rows late.

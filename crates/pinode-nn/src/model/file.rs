@@ -1,5 +1,6 @@
 //! Reading a model file: all faults of it, and of the URDF it names, at once.
 
+use std::ffi::OsStr;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -26,6 +27,13 @@ pub(super) fn text(path: &Path) -> Result<String, Error> {
             list: vec![problem],
         })
     };
+    let logs = ["csv", "parquet", "mcap"];
+    let is_log = |name: &OsStr| logs.iter().any(|log| name.eq_ignore_ascii_case(log));
+    if path.extension().is_some_and(is_log) && path.is_file() {
+        return Err(problem(Problem::general(
+            "this is a log by its name, and stands where the model is to be, a TOML file: the model comes first, then the logs",
+        )));
+    }
     let mut bytes = Vec::new();
     File::open(path)
         .and_then(|file| file.take(LARGEST + 1).read_to_end(&mut bytes))

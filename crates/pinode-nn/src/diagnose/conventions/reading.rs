@@ -68,7 +68,7 @@ pub struct Reading {
     pub rows_late: usize,
 }
 
-/// One thing that may be otherwise in a log: one reading, the two of signals that are exchanged, or those of a joint that was put in the other way round.
+/// One thing that may be otherwise in a log: one reading, the two of signals that are exchanged, those of a joint that was put in the other way round, or all of a unit.
 pub type Change = Vec<Reading>;
 
 impl Reading {
@@ -166,6 +166,22 @@ pub fn changes(model: &Model, logs: &[Log]) -> Vec<Change> {
                     }
                 }
             }
+        }
+    }
+    // Of a linear mechanism all in millimetres do what an input in thousandths does.
+    for (angular, far, units) in [
+        (true, FAR.0, &[DEGREE][..]),
+        (false, FAR.1, &[MILLIMETRE, CENTIMETRE][..]),
+    ] {
+        let own: Vec<usize> = (0..coordinates.len())
+            .filter(|&c| coordinates[c].angular == angular)
+            .collect();
+        if own.len() > 1 && own.iter().all(|&c| range(logs, c) > far) {
+            let in_unit = |unit: &f64| {
+                let reading = |&c: &usize| Reading::of(Signal::Coordinate(c), *unit, 0.0);
+                own.iter().map(reading).collect()
+            };
+            all.extend(units.iter().map(in_unit));
         }
     }
     for i in 0..model.inputs.len() {

@@ -299,6 +299,9 @@ fn exchanged_coordinates_and_exchanged_inputs_are_read_as_they_are_meant() {
     assert_eq!(found(&model, &log([0, 1, 2, 3])), [""; 0]);
     let blocks = ["q.a = \"q.b\"", "q.b = \"q.a\""];
     assert_eq!(found(&model, &log([1, 0, 2, 3])), blocks);
+    let scale = |q: &str| format!("q.{q} = {{ column = \"q.{q}\", scale = 0.001 }}");
+    let in_millimetres = logged([0, 1, 2, 3], [1e3, 1e3, 1.0, 1.0]);
+    assert_eq!(found(&model, &in_millimetres), [scale("a"), scale("b")]);
     // A sensor that is dead reads nothing of the other block.
     assert_eq!(found(&model, &log([0, 4, 2, 3])), [""; 0]);
     let motors = ["u.left = \"u.right\"", "u.right = \"u.left\""];
