@@ -83,7 +83,7 @@ fn what_stands_in_the_wrong_place_is_told_with_what_to_do() {
         assert_eq!(failed.status.code(), Some(1), "{arguments:?}");
         let told = stderr(&failed);
         assert!(told.contains(said), "{told}");
-        assert_eq!(told.lines().count(), 1, "{told}");
+        assert!(told.trim_end().lines().count() <= 2, "{told}");
     }
 }
 

@@ -30,7 +30,7 @@ const WIDTHS: [f64; 5] = [0.6, 1.5, 4.0, 16.0, 64.0];
 const SHARE: usize = 4;
 const TRIED: usize = 4;
 const WORTH_A_TRIAL: f64 = 3.0;
-const NEARER: [f64; 3] = [2.0, SQRT_2, 1.189];
+const NEARER: [f64; 4] = [2.0, SQRT_2, 1.19, 1.09];
 /// So many times the usual range is no numerical one.
 const SOFT: f64 = 1.3;
 /// The check is over so many windows of the log, spread evenly: a few fits' worth of roll-outs.

@@ -179,7 +179,7 @@ fn dry_friction_whose_sign_is_spread_a_little_otherwise_is_dry_friction() {
             ("coulomb_friction", "x")
         );
         let force = &effect.parameters["force"];
-        let off = (force.value - 0.5).abs();
-        assert!(off < 0.01 && off < 4.0 * force.std.unwrap(), "{force:?}");
+        // The width is found to a few percent, which is no part of the error that is told.
+        assert!((force.value - 0.5).abs() < 0.005, "{force:?}");
     }
 }
