@@ -31,7 +31,7 @@ const ITERATIONS: (usize, usize) = (3, 8);
 /// One row has to explain the windows better by so many standard errors.
 const LEAST_Z: f64 = 3.0;
 /// It is searched first with inputs from further down that explain this share of the misfit, on a logarithmic scale: beside one missing effect they
-/// explain 0.3 to 1, but for lags, delays and stops. So many laws may explain more.
+/// explain 0.3 to 1, but for lags, delays and stops; and not where one of the so many most promising laws explains more.
 const MOST: f64 = 0.25;
 const LAWS: usize = 3;
 

@@ -102,9 +102,9 @@ pub fn paired(new: &[f64], old: &[f64]) -> Paired {
 /// Bisections of the tilt: more than a double can tell apart.
 const BISECTIONS: usize = 60;
 
-/// How sure a sum of differences d is of its sign, as a number of standard errors: z² = −2 n min_t ln mean(exp(−t d)), the chance that as many drawn from
-/// among them again have a sum of the other sign (Chernoff's bound; the exponential tilting of Efron, *Canadian Journal of Statistics* 9, 1981). That of normal
-/// ones is the mean over its standard error. Capped at [`SUREST`]; negative where the sum is.
+/// How sure a sum of n differences d is of its sign, as a number of standard errors z: n that are drawn from among them have a sum of the other sign with a chance of
+/// at most exp(−z²/2) = (min_t mean exp(−t d))ⁿ (Chernoff's bound; the exponential tilting of Efron, *Canadian Journal of Statistics* 9, 1981). Of normal
+/// differences z is the mean over its standard error. Capped at [`SUREST`]; negative where the sum is.
 fn tilted(differences: &[f64]) -> f64 {
     let largest = differences.iter().fold(0.0_f64, |a, d| a.max(d.abs()));
     let sum: f64 = differences.iter().sum();

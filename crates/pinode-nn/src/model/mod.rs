@@ -43,7 +43,7 @@
 //! # velocity = "measured"              # or "backward_difference" of the positions, or "none"
 //!
 //! [tolerance]                          # standard deviations of what a fit may move: priors
-//! parameters = { l = 0.01 }            # relative, of constants of [lagrangian.parameters]; others are exact
+//! parameters = { l = 0.01 }            # relative, of constants of [lagrangian.parameters]; 0: exact. Others are, until an effect would be named for what one is off by
 //! # mass = 0.02                        # relative, of masses and inertias of a URDF
 //! # gain = 0.01                        # relative, of input gains
 //! # zero = { phi = 0.002 }             # of sensor zeros, rad or m; two quanta unless given
