@@ -30,7 +30,7 @@ use std::sync::Arc;
 
 use integrators::{Flat, PhaseSpace, Product, Space};
 use lagrange::Mechanics;
-use lagrange::mechanism::{JointKind, Link, LinkForce, Tree};
+use lagrange::mechanism::{Body, JointKind, Link, LinkForce, Tree};
 
 use crate::effect::{Action, ActsOn, Between, Inertial, Kind, Law, about_joint};
 use crate::entries::Start;
@@ -206,30 +206,30 @@ impl Hybrid {
         self.variants.as_ref().map_or(&[], |v| v.tree().links())
     }
 
+    /// The body that link `link` belongs to.
+    fn body_of(&self, link: usize) -> Option<&Body> {
+        let tree = self.variants.as_ref()?.tree();
+        tree.bodies().get(tree.links().get(link)?.body?)
+    }
+
     /// The mass of the body that link `link` belongs to, kg, where this is the first link of a body that has mass.
     pub fn mass_of_body(&self, link: usize) -> Option<f64> {
-        let tree = self.variants.as_ref()?.tree();
-        let link = tree.links().get(link)?;
-        let body = tree.bodies().get(link.body?)?;
-        (body.name == link.name && body.mass > 0.0).then_some(body.mass)
+        let (body, name) = (self.body_of(link)?, &self.links().get(link)?.name);
+        (body.name == *name && body.mass > 0.0).then_some(body.mass)
     }
 
     /// The mass of that body, kg, or what a kind of effect changes of its inertia: that about its joint, kg·m².
     pub fn inertia_of_body(&self, kind: &Kind, link: usize) -> Option<f64> {
         let mass = self.mass_of_body(link)?;
-        let tree = self.variants.as_ref()?.tree();
-        let body = tree.bodies().get(tree.links().get(link)?.body?)?;
-        Some(match kind.inertial() {
-            Some(Inertial::OfLink) => about_joint(body),
-            _ => mass,
-        })
+        match kind.inertial() {
+            Some(Inertial::OfLink) => self.body_of(link).map(about_joint),
+            _ => Some(mass),
+        }
     }
 
     /// The way from the joint of the body that link `link` belongs to, to its centre of mass, m.
     pub fn way_to_centre(&self, link: usize) -> Option<f64> {
-        let tree = self.variants.as_ref()?.tree();
-        let body = tree.links().get(link)?.body?;
-        Some(tree.bodies().get(body)?.centre.norm())
+        self.body_of(link).map(|body| body.centre.norm())
     }
 
     /// Whether an effect that changes the mechanics may be looked for on `target` (of an input, its coordinate): a rotor on every joint,

@@ -164,8 +164,9 @@ fn a_mass_in_energies_that_is_said_to_be_exact_stays() {
 /// Sharper or less sharp than the library has it, by no more than a factor of two: what is left of it had been a spring that slips, or a hump at low speed.
 #[test]
 fn dry_friction_whose_sign_is_spread_a_little_otherwise_is_dry_friction() {
-    let rubs: [fn(f64) -> f64; 2] = [|v| 0.5 * (v / 0.005).tanh(), |v| 0.5 * (v / 0.002).tanh()];
-    for rubs in rubs {
+    let less_sharp: fn(f64) -> f64 = |v| 0.5 * (v / 0.005).tanh();
+    let sharper: fn(f64) -> f64 = |v| 0.5 * (v / 0.002).tanh();
+    for (rubs, is_covered) in [(less_sharp, true), (sharper, false)] {
         let truth = Truth {
             rubs,
             ..AS_MODELLED
@@ -179,7 +180,9 @@ fn dry_friction_whose_sign_is_spread_a_little_otherwise_is_dry_friction() {
             ("coulomb_friction", "x")
         );
         let force = &effect.parameters["force"];
-        // The width is found to a few percent, which is no part of the error that is told.
-        assert!((force.value - 0.5).abs() < 0.005, "{force:?}");
+        let off = (force.value - 0.5).abs();
+        assert!(off < 0.005, "{force:?}");
+        // Of the sharper one 0.4965 ± 0.0005 is told: what the width takes from the force is no part of that.
+        assert!(!is_covered || off < 4.0 * force.std.unwrap(), "{force:?}");
     }
 }
