@@ -1,10 +1,13 @@
 //! Which of the refined candidates is accepted.
 
+use super::candidate::Candidate;
 use super::comparison::Comparison;
 use super::misfit::is_unexplained;
-use super::numerics::is_soft;
+use super::numerics::sharp;
 use super::refine::{Contender, Standing, rank};
 use super::study::{Fitted, Study};
+use super::width::{is_soft, respread};
+use crate::smoothing::VISIBLE;
 
 /// Who is behind by so many standard errors on the windows held out does not lead.
 const BEHIND: f64 = -1.0;
@@ -12,6 +15,8 @@ const BEHIND: f64 = -1.0;
 const GAINS: (f64, f64) = (1.5, 1.0);
 const PART_OF_RELIEF: f64 = 0.5;
 const FAR_MORE: f64 = 3.0;
+/// A law of dry friction that leads one that it contains by so many nats and does not earn its constants is asked again as sharp as the data see it.
+const WORTH_SHARPENING: f64 = 20.0;
 /// A gain that loses more than this share when the numerics are refined is numerical. One that grows was held back by them.
 const NUMERICAL: f64 = 0.3;
 
@@ -62,7 +67,7 @@ pub fn leading(study: &Study, current: &Fitted, contenders: &mut [Contender]) ->
             let k = leader.unwrap_or(k);
             // What is found to be numerical is no simpler name from then on.
             let mut best = k;
-            while let Some(j) = simpler(contenders, k, best) {
+            while let Some(j) = simpler(study, contenders, k, best) {
                 if contenders[j].is_sound(study, current) {
                     best = j;
                 }
@@ -76,13 +81,13 @@ pub fn leading(study: &Study, current: &Fitted, contenders: &mut [Contender]) ->
 /// The best contender that has a say and fewer constants than the `best` so far, unless that or the `k`th, which leads, would be accepted beside it: a name
 /// with more constants earns its place against one with fewer as it would against none. Of what has as few the best one is asked, and in place of a
 /// simpler one than the `k`th only what that contains.
-pub fn simpler(contenders: &[Contender], k: usize, best: usize) -> Option<usize> {
+pub fn simpler(study: &Study, contenders: &[Contender], k: usize, best: usize) -> Option<usize> {
     let constants = |c: &Contender| c.fitted.inside.free.len();
     let earns = |c: usize, other: &Contender| {
         let lead = Comparison::of(&contenders[c].fitted, &other.fitted);
         // One that stretches what is known in place of a constant of its own is no simpler.
         lead.explains()
-            || (contenders[c].contains(other) && lead.explains_more())
+            || (contenders[c].contains(other) && explains_more(study, &contenders[c], other, lead))
             || lead.relieves()
             || (contenders[c].standing == Standing::Slight && lead.leads_slightly())
     };
@@ -99,6 +104,27 @@ pub fn simpler(contenders: &[Contender], k: usize, best: usize) -> Option<usize>
             && !earns(k, other)
             && !earns(best, other)
     })
+}
+
+/// Whether one explains more than another that it contains, with this lead. Two laws of dry friction that are not as sharp as the data see it both lose, in other windows each,
+/// and what one of them is ahead is lost in that: then it is asked of them as sharp as that.
+fn explains_more(study: &Study, rich: &Contender, simple: &Contender, lead: Comparison) -> bool {
+    let are_dry = rich.added.iter().all(|c| c.kind.dry().is_some());
+    let leads = lead.inside.gain > WORTH_SHARPENING && lead.outside.gain > 0.0;
+    let as_sharp = || {
+        let [rich, simple] = [rich, simple].map(|c| as_sharp_as_seen(study, &c.fitted, &c.added));
+        let lead = Comparison::of(&rich, &simple);
+        lead.explains() || lead.explains_more()
+    };
+    lead.explains_more() || (are_dry && leads && study.may_sharpen && as_sharp())
+}
+
+/// A fitted model with the dry friction that was `added` spread over as few or as many speeds as explain the windows.
+fn as_sharp_as_seen(study: &Study, fitted: &Fitted, added: &[Candidate]) -> Fitted {
+    let better = |own: &Fitted| Comparison::of(own, fitted).total() > 0.0;
+    let sharper = sharp(study, fitted, VISIBLE).filter(|(_, own)| better(own));
+    let (study, fitted) = sharper.unwrap_or_else(|| (study.clone(), fitted.clone()));
+    respread(&study, &fitted, added).unwrap_or(fitted)
 }
 
 impl Contender {

@@ -9,7 +9,6 @@ use super::elsewhere::Elsewhere;
 use super::experiment::{CLOSE, Outcome, Split, short};
 use super::found::{Found, position};
 use super::misfit::{is_unexplained, strays};
-use super::numerics::soft;
 use super::released::Instead;
 use super::search::Search;
 use super::study::Study;
@@ -18,6 +17,7 @@ use super::verdict::{
     Change, EVEN, FittedConstant, Gap, InputExcitation, Moved, Name, NamedEffect, Numerics,
     Unexplained, Verdict,
 };
+use super::width::soft;
 use crate::digits::{number, uncertain};
 use crate::effect::Between;
 use crate::hybrid::{Hybrid, Placed};

@@ -217,7 +217,7 @@ pub fn revisit(
                 rivals = step.or_slight(study, &reduced, seed).contenders;
             }
             let own = rivals.iter().position(|r| r.added[0] == added[k]);
-            let simple = own.and_then(|own| simpler(&rivals, own, own));
+            let simple = own.and_then(|own| simpler(study, &rivals, own, own));
             // What takes its place leaves the others what they are called, or takes theirs as well.
             let others_stay = |rival: &Contender| {
                 let mut others = added.iter().enumerate().filter(|(other, _)| *other != k);

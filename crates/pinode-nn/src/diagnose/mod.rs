@@ -76,6 +76,7 @@ mod unexplained;
 mod unseen_spring;
 mod unstretched;
 pub mod verdict;
+mod width;
 mod write_up;
 
 use std::path::{Path, PathBuf};

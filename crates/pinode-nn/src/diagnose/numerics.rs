@@ -1,14 +1,10 @@
 //! What the final model owes to its numerics.
 
-use std::f64::consts::SQRT_2;
-
-use super::candidate::Candidate;
-use super::comparison::Comparison;
 use super::half_steps::with_steps_as_short_as_it_shows;
 use super::search::Search;
 use super::stops::hardened;
 use super::study::{Fitted, Study};
-use crate::hybrid::{Hybrid, Placed};
+use super::width::soft;
 use crate::shooting::Window;
 use crate::smoothing::{SmoothingError, VISIBLE, compare};
 
@@ -24,15 +20,6 @@ const SHARPEST: f64 = 0.02;
 const WORTH_A_FIT: f64 = 0.8;
 /// Its iterations.
 const ITERATIONS: usize = 12;
-/// So many times as wide ranges of speeds are tried for the sign of dry friction, over one in so many windows by so many iterations; where one gains so many nats
-/// there it is tried in all, and others that are nearer to it by these factors. The first two tell what is nearly as sharp as it is taken to be.
-const WIDTHS: [f64; 5] = [0.6, 1.5, 4.0, 16.0, 64.0];
-const SHARE: usize = 4;
-const TRIED: usize = 4;
-const WORTH_A_TRIAL: f64 = 3.0;
-const NEARER: [f64; 4] = [2.0, SQRT_2, 1.19, 1.09];
-/// So many times the usual range is no numerical one.
-const SOFT: f64 = 1.3;
 /// The check is over so many windows of the log, spread evenly: a few fits' worth of roll-outs.
 const MOST_WINDOWS: usize = 24;
 
@@ -168,58 +155,6 @@ pub fn sharp(study: &Study, fitted: &Fitted, limit: f64) -> Refined {
         sharp = fit(&study, &sharp);
     }
     Some((study, sharp))
-}
-
-/// Whether a fitted effect is dry friction.
-fn is_dry(placed: &Placed) -> bool {
-    placed.kind.dry().is_some()
-}
-
-/// A fitted model with the dry friction that was `added` spread over the speeds that explain the data. Over many more than usual it holds no joint at rest: fluid
-/// friction of what is lubricated, and the tanh of other people's simulations. `None` where it explains no more so.
-pub fn softened(study: &Study, fitted: &Fitted, added: &[Candidate]) -> Option<Fitted> {
-    let is_soft = |placed: &Placed| is_dry(placed) && added.iter().any(|c| c.is(placed));
-    if !fitted.hybrid.effects().iter().any(is_soft) {
-        return None;
-    }
-    let spread = |study: &Study, from: &Fitted, factor: f64, iterations: usize| {
-        let hybrid = from.hybrid.smoothed_by(factor, is_soft);
-        study.fit(hybrid, from.start(from.inside.theta.clone()), 1, iterations)
-    };
-    // Little changes before the range reaches speeds that the motion has often. Some of the windows tell whether it does.
-    let (some, there) = study.some_windows(fitted, SHARE);
-    let tried = WIDTHS.map(|factor| spread(&some, &there, factor, TRIED));
-    let gains = tried
-        .each_ref()
-        .map(|soft| Comparison::of(soft, &there).total());
-    let gains = gains.into_iter().zip(WIDTHS);
-    let (gain, factor) = gains.max_by(|(a, _), (b, _)| a.total_cmp(b))?;
-    if gain < WORTH_A_TRIAL {
-        return None;
-    }
-    let spread = |from: &Fitted, factor: f64| spread(study, from, factor, ITERATIONS);
-    let mut soft = spread(fitted, factor);
-    for step in NEARER {
-        let is_better = |other: &Fitted| Comparison::of(other, &soft).total() > 0.0;
-        let nearer = [step, 1.0 / step].into_iter();
-        let better = nearer.map(|f| spread(&soft, f)).find(is_better);
-        if let Some(better) = better {
-            soft = better;
-        }
-    }
-    let lead = Comparison::of(&soft, fitted);
-    (lead.explains() || lead.explains_more()).then_some(soft)
-}
-
-/// The dry friction of a fitted model that is spread over more speeds than dry friction is.
-pub fn soft(hybrid: &Hybrid) -> impl Iterator<Item = &Placed> {
-    let effects = hybrid.effects().iter();
-    effects.filter(|placed| is_soft(hybrid, placed))
-}
-
-/// Whether an effect is dry friction that is spread over more speeds than that is: by no numerical smoothing.
-pub fn is_soft(hybrid: &Hybrid, placed: &Placed) -> bool {
-    is_dry(placed) && placed.smoothing > SOFT * hybrid.default_smoothing(placed.target)
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use super::clock::of_the_inputs;
 use super::comparison::{Comparison, RELIEF};
 use super::found::{Found, SAME, in_order_of_contribution, position, prune, revisit};
 use super::misfit::explained;
-use super::numerics::{sharp, softened};
+use super::numerics::sharp;
 use super::pushes::{is_push, stripped, with_pushes};
 use super::refine::{Contender, ITERATIONS, is_sensible, rank};
 use super::remainder::Remainder;
@@ -19,6 +19,7 @@ use super::step::{
 use super::study::{Fitted, Study};
 use super::unseen_spring::unseen_spring;
 use super::unstretched::unstretched;
+use super::width::respread;
 use crate::shooting::Fit;
 use crate::smoothing::VISIBLE;
 
@@ -496,7 +497,7 @@ impl Place {
         );
         self.unstretch();
         self.sharpen();
-        self.soften();
+        self.respread();
         let shorter = with_shorter_steps(&self.study, &self.current, &self.added, report);
         if let Some(shorter) = shorter {
             (self.study, self.current) = shorter;
@@ -527,15 +528,15 @@ impl Place {
         }
     }
 
-    /// What friction that does not stick leaves where the model has friction that does, is not missing.
-    fn soften(&mut self) {
+    /// What friction leaves that changes its sign over another range of speeds than the model has it, or that does not stick at all, is not missing.
+    fn respread(&mut self) {
         let pushed = self.current.hybrid.effects().iter().any(is_push);
         if !pushed
             && self.study.may_sharpen
-            && let Some(soft) = softened(&self.study, &self.current, &self.added)
-            && improves(&self.study, (&soft, &self.current), self.added.iter())
+            && let Some(spread) = respread(&self.study, &self.current, &self.added)
+            && improves(&self.study, (&spread, &self.current), self.added.iter())
         {
-            self.current = soft;
+            self.current = spread;
             self.smooth = None;
         }
     }

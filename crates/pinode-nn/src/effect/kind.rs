@@ -195,6 +195,13 @@ impl Kind {
         self.states() > 0 || (matches!(self.action, Action::Drive(_)) && cuts_off)
     }
 
+    /// Whether fits start from each of its probes: from those themselves, or from where each of them leads. Over which speeds dry friction has a hump, no small step tells.
+    pub fn starts_from_each_probe(&self) -> bool {
+        let is_speed = |spec: &ParameterSpec| spec.quantity == Quantity::Velocity;
+        let has_hump = self.dry().is_some() && self.parameters.iter().any(is_speed);
+        self.starts_at_probes() || has_hump
+    }
+
     /// Where fits start of what the motion itself shows to be there, whatever a screen says: stops by their blows, dry friction by what it holds. Else
     /// none.
     pub fn suggested(&self, scales: &Scales) -> Vec<Vec<f64>> {

@@ -72,7 +72,7 @@ pub static KIND: Kind = Kind {
         let d = scales.small_force();
         // Beside known Coulomb friction the hump alone is new.
         let step = if contained.is_empty() { d } else { 0.0 };
-        [0.03, 0.08, 0.2]
+        [0.03, 0.08, 0.2, 0.6]
             .map(|fraction| {
                 let velocity = fraction * scales.speed;
                 Probe {

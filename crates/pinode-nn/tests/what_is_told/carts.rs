@@ -161,12 +161,13 @@ fn a_mass_in_energies_that_is_said_to_be_exact_stays() {
     assert_ne!(found.verdict, Verdict::NothingMissing);
 }
 
-/// Sharper or less sharp than the library has it, by no more than a factor of two: what is left of it had been a spring that slips, or a hump at low speed.
+/// Sharper or less sharp than the library has it, by no more than a factor of two: what is left of it had been a spring that slips, a hump at low speed, or a part of
+/// the force.
 #[test]
 fn dry_friction_whose_sign_is_spread_a_little_otherwise_is_dry_friction() {
     let less_sharp: fn(f64) -> f64 = |v| 0.5 * (v / 0.005).tanh();
     let sharper: fn(f64) -> f64 = |v| 0.5 * (v / 0.002).tanh();
-    for (rubs, is_covered) in [(less_sharp, true), (sharper, false)] {
+    for rubs in [less_sharp, sharper] {
         let truth = Truth {
             rubs,
             ..AS_MODELLED
@@ -182,7 +183,6 @@ fn dry_friction_whose_sign_is_spread_a_little_otherwise_is_dry_friction() {
         let force = &effect.parameters["force"];
         let off = (force.value - 0.5).abs();
         assert!(off < 0.005, "{force:?}");
-        // Of the sharper one 0.4965 ± 0.0005 is told: what the width takes from the force is no part of that.
-        assert!(!is_covered || off < 4.0 * force.std.unwrap(), "{force:?}");
+        assert!(off < 3.0 * force.std.unwrap(), "{force:?}");
     }
 }

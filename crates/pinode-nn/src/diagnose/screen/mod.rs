@@ -147,7 +147,7 @@ impl Screen {
                     }
                     false => (known, screened),
                 };
-            if suggested.is_none() && column.candidate.kind.starts_at_probes() {
+            if suggested.is_none() && column.candidate.kind.starts_from_each_probe() {
                 better.starts.extend(other.starts);
             }
         }

@@ -1,0 +1,144 @@
+//! Over how wide a range of speeds dry friction changes its sign.
+//!
+//! The sign of friction, smooth_sign(v / w), is fitted with a width w that no fit moves. Where the data see it, a wrong one is made up for by other constants, and by
+//! other laws: w is searched for by what fits beside it explain, and what constants owe to it is a part of their errors.
+
+use std::f64::consts::SQRT_2;
+
+use super::candidate::Candidate;
+use super::comparison::Comparison;
+use super::study::{Fitted, Study};
+use crate::effect::Quantity;
+use crate::hybrid::{Hybrid, Placed};
+
+/// Iterations of a fit.
+const ITERATIONS: usize = 12;
+/// So many times as wide ranges of speeds are tried for the sign of dry friction: what is nearly as sharp as it is taken to be, over all windows, where one of
+/// them that sticks the other way would decide for a part of them; and what is far from that, over one in so many windows by so many iterations. Where one gains
+/// so many nats it is tried in all, and others that are nearer to it by these factors.
+const NEAR: [f64; 2] = [0.6, 1.5];
+const FAR: [f64; 3] = [4.0, 16.0, 64.0];
+const SHARE: usize = 4;
+const TRIED: usize = 4;
+const WORTH_A_TRIAL: f64 = 3.0;
+const NEARER: [f64; 4] = [2.0, SQRT_2, 1.19, 1.09];
+/// A range that gains so many nats on the seen windows, and any on those held out, is the one: it is no effect that asks for a name.
+const IS_IT: f64 = 6.0;
+/// … and no wider than this share of a speed over which its law changes: what is wider is a part of the law.
+const NARROW: f64 = 0.1;
+/// So many times the usual range is no numerical one.
+const SOFT: f64 = 1.3;
+/// A width that loses less than these nats is as good as the one that was found.
+const AS_GOOD: f64 = 0.5;
+
+/// Whether a fitted effect is dry friction.
+fn is_dry(placed: &Placed) -> bool {
+    placed.kind.dry().is_some()
+}
+
+/// A fitted model with the dry friction that was `added` spread over the speeds that explain the data. Over many more than usual it holds no joint at rest: fluid
+/// friction of what is lubricated, and the tanh of other people's simulations. `None` where it explains no more so.
+pub fn respread(study: &Study, fitted: &Fitted, added: &[Candidate]) -> Option<Fitted> {
+    let is_its = |placed: &Placed| is_dry(placed) && added.iter().any(|c| c.is(placed));
+    if !fitted.hybrid.effects().iter().any(is_its) {
+        return None;
+    }
+    let spread = |study: &Study, from: &Fitted, factor: f64, iterations: usize| {
+        spread(study, (from, factor), is_its, iterations)
+    };
+    let gain = |wider: &Fitted, from: &Fitted| match is_narrow(wider, is_its) {
+        true => Comparison::of(wider, from).total(),
+        false => f64::NEG_INFINITY,
+    };
+    let best = |all: &mut dyn Iterator<Item = (Fitted, f64)>, from: &Fitted| {
+        let gains = all.map(|(wider, factor)| (gain(&wider, from), wider, factor));
+        let best = gains.max_by(|a, b| a.0.total_cmp(&b.0))?;
+        (best.0 > WORTH_A_TRIAL).then_some((best.1, best.2))
+    };
+    let near = NEAR.map(|factor| (spread(study, fitted, factor, ITERATIONS), factor));
+    let mut wide = match best(&mut near.into_iter(), fitted) {
+        Some((near, _)) => near,
+        None => {
+            // Little changes before the range reaches speeds that the motion has often. Some of the windows tell whether it does.
+            let (some, there) = study.some_windows(fitted, SHARE);
+            let far = FAR.map(|factor| (spread(&some, &there, factor, TRIED), factor));
+            let (_, factor) = best(&mut far.into_iter(), &there)?;
+            spread(study, fitted, factor, ITERATIONS)
+        }
+    };
+    for step in NEARER {
+        let nearer = [step, 1.0 / step].into_iter();
+        let nearer = nearer.map(|f| spread(study, &wide, f, ITERATIONS));
+        if let Some(better) = { nearer }.find(|other| gain(other, &wide) > 0.0) {
+            wide = better;
+        }
+    }
+    let lead = Comparison::of(&wide, fitted);
+    (lead.inside.gain > IS_IT && lead.outside.gain > 0.0).then_some(wide)
+}
+
+/// By how much each of the constants that were free may be off, in the order of `inside.free`, because the width is: what it moves by in a fit with another width, as
+/// the width would be moved by one standard error of it. With l(w) the log-likelihood of the best fit, a parabola about its top, that is by
+/// |θ(w′) − θ(w)| / √(2 (l(w) − l(w′))). Nothing where the model says how wide it is, and beside end stops, whose blows decide what little it shows.
+pub fn owed(study: &Study, fitted: &Fitted) -> Vec<f64> {
+    let mut owed = vec![0.0_f64; fitted.inside.free.len()];
+    let effects = fitted.hybrid.effects();
+    let has_stops = effects.iter().any(|e| e.kind.stop().is_some());
+    if !study.may_sharpen || has_stops || !effects.iter().any(is_dry) {
+        return owed;
+    }
+    for factor in NEAR {
+        let other = spread(study, (fitted, factor), is_dry, ITERATIONS);
+        if !is_narrow(&other, is_dry) {
+            continue;
+        }
+        let lost = Comparison::of(fitted, &other).total().max(AS_GOOD);
+        let standard = 1.0 / (2.0 * lost).sqrt();
+        for (owed, &i) in owed.iter_mut().zip(&fitted.inside.free) {
+            let moved = (other.inside.theta[i] - fitted.inside.theta[i]).abs();
+            *owed = owed.max(moved * standard);
+        }
+    }
+    owed
+}
+
+/// The fit of a model with some of its dry friction spread over so many times the speeds.
+fn spread(
+    study: &Study,
+    (from, factor): (&Fitted, f64),
+    is_its: impl Fn(&Placed) -> bool,
+    iterations: usize,
+) -> Fitted {
+    let hybrid = from.hybrid.smoothed_by(factor, is_its);
+    study.fit(hybrid, from.start(from.inside.theta.clone()), 1, iterations)
+}
+
+/// Whether the sign of this dry friction of a fitted model changes within a small part of the speeds that its law knows, as is that of a hump at low speed.
+fn is_narrow(fitted: &Fitted, is_its: impl Fn(&Placed) -> bool) -> bool {
+    let (hybrid, theta) = (&fitted.hybrid, &fitted.inside.theta);
+    let mut its = hybrid
+        .effects()
+        .iter()
+        .enumerate()
+        .filter(|(_, e)| is_its(e));
+    its.all(|(index, placed)| {
+        let constants = placed
+            .kind
+            .parameters
+            .iter()
+            .zip(&theta[hybrid.range(index)]);
+        let mut speeds = constants.filter(|(spec, _)| spec.quantity == Quantity::Velocity);
+        speeds.all(|(_, speed)| placed.smoothing < NARROW * speed)
+    })
+}
+
+/// The dry friction of a fitted model that is spread over more speeds than dry friction is.
+pub fn soft(hybrid: &Hybrid) -> impl Iterator<Item = &Placed> {
+    let effects = hybrid.effects().iter();
+    effects.filter(|placed| is_soft(hybrid, placed))
+}
+
+/// Whether an effect is dry friction that is spread over more speeds than that is: by no numerical smoothing.
+pub fn is_soft(hybrid: &Hybrid, placed: &Placed) -> bool {
+    is_dry(placed) && placed.smoothing > SOFT * hybrid.default_smoothing(placed.target)
+}
