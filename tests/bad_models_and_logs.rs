@@ -383,6 +383,27 @@ fn a_run_that_returns_is_refused() {
     assert_eq!(log.samples(), 20);
 }
 
+/// Loggers write a row twice. One that has another value at the same time contradicts the row before, and is refused.
+#[test]
+fn rows_that_repeat_the_one_before_are_left_out_and_told_in_one_line() {
+    let text: String = good_rows(10)
+        .lines()
+        .enumerate()
+        .map(|(i, line)| format!("{line}\n").repeat(if [3, 7].contains(&i) { 2 } else { 1 }))
+        .collect();
+    let log = parse_log(text.as_bytes()).unwrap();
+    let plain = parse_log(good_rows(10).as_bytes()).unwrap();
+    assert_eq!(log.runs, plain.runs);
+    let warnings: Vec<String> = log.warnings.iter().map(|w| w.to_string()).collect();
+    assert_eq!(
+        warnings,
+        ["5:1: repeats the row before: left out, as are 1 more"]
+    );
+    let other = format!("{}{}", good_rows(10), row(9).replace(",1", ",2"));
+    let message = problems_of(parse_log(other.as_bytes()), "two values").to_string();
+    assert!(message.contains("time repeats"), "{message}");
+}
+
 #[test]
 fn problems_beyond_the_first_twenty_are_counted() {
     let rows: String = (0..1000).map(|i| format!("{i},x,0,0,0\n")).collect();

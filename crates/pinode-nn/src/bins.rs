@@ -1,13 +1,16 @@
 //! What signals explain of a force, over quantile bins of theirs.
 
-/// For each sample the quantile bin of a signal, of `bins`.
+/// For each sample the quantile bin of a signal, of `bins`. Samples where it has one value are in one bin: it does not tell them apart.
 pub fn binned(values: &[f64], bins: usize) -> Vec<usize> {
     let n = values.len();
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
     let mut bin = vec![0; n];
+    let mut before: Option<usize> = None;
     for (rank, &k) in order.iter().enumerate() {
-        bin[k] = rank * bins / n.max(1);
+        let same = before.filter(|&b| values[b] == values[k]);
+        bin[k] = same.map_or(rank * bins / n.max(1), |b| bin[b]);
+        before = Some(k);
     }
     bin
 }
@@ -74,5 +77,19 @@ mod tests {
         let product: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a * b).collect();
         assert!(explained_by(&product, &[&a], 12) < 0.1);
         assert!(explained_by(&product, &[&a, &b], 8) > 0.8);
+    }
+
+    #[test]
+    fn a_signal_with_one_value_tells_nothing_apart_and_one_with_two_tells_two() {
+        let force: Vec<f64> = (0..1200).map(|k| f64::from(k / 400)).collect();
+        assert_eq!(binned(&[3.0; 1200], 12), [0; 1200]);
+        assert_eq!(explained_by(&force, &[&[3.0; 1200]], 12), 0.0);
+        let late: Vec<f64> = force.iter().map(|f| f.min(1.0)).collect();
+        let bin = binned(&late, 12);
+        assert!(
+            bin.iter().zip(&late).all(|(&b, &x)| b == 4 * x as usize),
+            "{bin:?}"
+        );
+        assert!(explained_by(&late, &[&late], 12) > 0.99);
     }
 }

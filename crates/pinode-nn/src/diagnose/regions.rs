@@ -68,12 +68,14 @@ fn large(residual: &ResidualForce) -> Option<Vec<[f64; 2]>> {
         *n += 1;
         *range = [range[0].min(*v), range[1].max(*v)];
     }
-    let mean = |b: &(f64, usize, [f64; 2])| b.0 / b.1.max(1) as f64;
+    // Those that a value of many samples leaves empty are between no two others.
+    let bins: Vec<_> = bins.into_iter().filter(|b| b.1 > 0).collect();
+    let mean = |b: &(f64, usize, [f64; 2])| b.0 / b.1 as f64;
     let limit = LARGE * bins.iter().map(mean).fold(0.0, f64::max);
     let mut ranges: Vec<[f64; 2]> = Vec::new();
     let mut joins = false;
     for bin in &bins {
-        let is_large = bin.1 > 0 && mean(bin) > limit;
+        let is_large = mean(bin) > limit;
         match ranges.last_mut().filter(|_| joins && is_large) {
             Some(last) => last[1] = bin.2[1],
             None if is_large => ranges.push(bin.2),

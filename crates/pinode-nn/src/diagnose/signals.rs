@@ -4,6 +4,7 @@ use super::audit::median;
 use super::curves::Profile;
 use super::experiment::short;
 use super::smooth::Smoothed;
+use crate::bins::{binned, explained_by};
 use crate::shooting::ObservedRun;
 
 /// Number of quantile bins of the correlation ratio.
@@ -113,7 +114,7 @@ impl Signals {
         }
         let mut shares: Vec<(usize, f64)> = (0..self.names.len())
             .filter(|&s| s != 4 * coordinate + 2)
-            .map(|s| (s, correlation_ratio(&self.values[s], &clipped)))
+            .map(|s| (s, explained_by(&clipped, &[&self.values[s]], BINS)))
             .collect();
         // What follows two coordinates has to explain more than what follows one.
         let first = 4 * self.coordinates;
@@ -145,7 +146,7 @@ impl Signals {
                 false => q - lowest,
             })
             .collect();
-        correlation_ratio(&both, &clipped(force))
+        explained_by(&clipped(force), &[&both], BINS)
     }
 
     /// The mean force along the signals that explain most of it, and along the position for either direction of motion.
@@ -156,9 +157,9 @@ impl Signals {
         force: &[f64],
     ) -> Vec<Profile> {
         let velocity = &self.values[4 * coordinate + 1];
-        let profile = |s: usize, way: &str, keep: &dyn Fn(f64) -> bool| {
+        let along = |s: usize, way: &str, keep: &dyn Fn(f64) -> bool| {
             let taken: Vec<usize> = (0..force.len()).filter(|&i| keep(velocity[i])).collect();
-            let (ranges, force) = binned(&self.values[s], force, taken)?;
+            let (ranges, force) = profile(&self.values[s], force, &taken)?;
             Some(Profile {
                 signal: format!("{}{way}", self.names[s].0),
                 unit: self.names[s].1.clone(),
@@ -168,9 +169,9 @@ impl Signals {
         };
         let single = explained.iter().take(PROFILES);
         single
-            .filter_map(|e| profile(e.0, "", &|_| true))
-            .chain(profile(4 * coordinate, ", moving up", &|v| v > 0.0))
-            .chain(profile(4 * coordinate, ", moving down", &|v| v < 0.0))
+            .filter_map(|e| along(e.0, "", &|_| true))
+            .chain(along(4 * coordinate, ", moving up", &|v| v > 0.0))
+            .chain(along(4 * coordinate, ", moving down", &|v| v < 0.0))
             .collect()
     }
 
@@ -212,42 +213,21 @@ pub fn clipped(force: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// η² of a force over quantile bins of a signal; as many samples as four a bin, or more.
-fn correlation_ratio(signal: &[f64], force: &[f64]) -> f64 {
-    let n = force.len();
-    let mean = force.iter().sum::<f64>() / n as f64;
-    let total: f64 = force.iter().map(|f| (f - mean).powi(2)).sum();
-    let mut order: Vec<usize> = (0..n).collect();
-    order.sort_by(|&a, &b| signal[a].total_cmp(&signal[b]));
-    let rest: f64 = (0..BINS)
-        .map(|b| {
-            let bin = &order[b * n / BINS..(b + 1) * n / BINS];
-            let mean = bin.iter().map(|&i| force[i]).sum::<f64>() / bin.len() as f64;
-            bin.iter().map(|&i| (force[i] - mean).powi(2)).sum::<f64>()
-        })
-        .sum();
-    let ratio = (rest / (n - BINS) as f64) / (total / (n - 1) as f64).max(1e-300);
-    (1.0 - ratio).max(0.0)
-}
-
 /// Range of a signal and mean force in each quantile bin of the samples `taken`; none of too few.
-fn binned(
-    signal: &[f64],
-    force: &[f64],
-    mut taken: Vec<usize>,
-) -> Option<(Vec<[f64; 2]>, Vec<f64>)> {
-    taken.sort_by(|&a, &b| signal[a].total_cmp(&signal[b]));
-    let n = taken.len();
-    let enough = n >= 4 * BINS;
-    enough.then(|| {
-        (0..BINS)
-            .map(|b| {
-                let bin = &taken[b * n / BINS..(b + 1) * n / BINS];
-                let mean = bin.iter().map(|&i| force[i]).sum::<f64>() / bin.len() as f64;
-                ([signal[bin[0]], signal[bin[bin.len() - 1]]], mean)
-            })
-            .unzip()
-    })
+fn profile(signal: &[f64], force: &[f64], taken: &[usize]) -> Option<(Vec<[f64; 2]>, Vec<f64>)> {
+    if taken.len() < 4 * BINS {
+        return None;
+    }
+    let values: Vec<f64> = taken.iter().map(|&i| signal[i]).collect();
+    let mut bins = [([f64::INFINITY, f64::NEG_INFINITY], 0.0, 0_usize); BINS];
+    for ((&i, bin), &x) in taken.iter().zip(binned(&values, BINS)).zip(&values) {
+        let (range, sum, n) = &mut bins[bin];
+        *range = [range[0].min(x), range[1].max(x)];
+        *sum += force[i];
+        *n += 1;
+    }
+    let used = bins.into_iter().filter(|(_, _, n)| *n > 0);
+    Some(used.map(|(range, sum, n)| (range, sum / n as f64)).unzip())
 }
 
 #[cfg(test)]

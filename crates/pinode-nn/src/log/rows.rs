@@ -85,6 +85,8 @@ pub(super) struct Rows<'a> {
     layout: &'a Layout,
     runs: Vec<Run>,
     clock: Clock,
+    /// The first row that repeats the one before in all that is read, and how many do.
+    doubled: Option<(Problem, usize)>,
     pub(super) found: Found,
 }
 
@@ -105,6 +107,7 @@ impl<'a> Rows<'a> {
             layout,
             runs: Vec::new(),
             clock: Clock::default(),
+            doubled: None,
             found: Found::default(),
         }
     }
@@ -139,6 +142,14 @@ impl<'a> Rows<'a> {
         } else if let Some(&last) = self.runs.last().and_then(|run| run.t.last())
             && t <= last
         {
+            if t == last && self.is_doubled(row) {
+                let (_, n) = self.doubled.get_or_insert_with(|| {
+                    let message = "repeats the row before: left out".to_owned();
+                    (row.problem(layout.t.index, message), 0)
+                });
+                *n += 1;
+                return;
+            }
             let happened = if t == last {
                 "repeats"
             } else {
@@ -193,22 +204,29 @@ impl<'a> Rows<'a> {
         })
     }
 
+    /// Whether all that is read of a row is what the one before had: loggers write one twice.
+    fn is_doubled(&self, row: &impl Row) -> bool {
+        let Some(run) = self.runs.last() else {
+            return false;
+        };
+        let is_again = |(column, &source): (&Vec<f64>, &Source)| {
+            column.last().copied() == value(row.cell(source.index), source)
+        };
+        let velocities = run.v.iter().zip(&self.layout.v);
+        run.q.iter().zip(&self.layout.q).all(is_again)
+            && run.u.iter().zip(&self.layout.u).all(is_again)
+            && velocities.into_iter().all(|pair| match pair {
+                (Some(column), Some(source)) => is_again((column, source)),
+                _ => true,
+            })
+    }
+
     fn number(&mut self, row: &impl Row, source: Source) -> Option<f64> {
         let cell = row.cell(source.index);
-        let raw = match cell {
-            Cell::Text(field) => field.parse::<f64>().ok(),
-            Cell::Number(raw) => Some(raw),
-            Cell::Integer(raw) => Some(raw as f64),
-            Cell::Missing => None,
-        };
-        if let Some(raw) = raw
-            && raw.is_finite()
-        {
-            let value = raw * source.scale + source.offset;
-            if value.is_finite() {
-                return Some(value);
-            }
+        if let Some(value) = value(cell, source) {
+            return Some(value);
         }
+        let raw = raw(cell);
         let name = self.header.get(source.index).unwrap_or(&"");
         self.found.push(|| {
             let fault = match (raw, cell) {
@@ -241,6 +259,7 @@ impl<'a> Rows<'a> {
         let Rows {
             runs,
             clock,
+            doubled,
             mut found,
             ..
         } = self;
@@ -249,6 +268,12 @@ impl<'a> Rows<'a> {
             match unit::check(&runs, clock.first.unwrap_or(0.0), &mapping) {
                 Ok(warning) => warnings.extend(warning),
                 Err(problem) => found.push(|| problem),
+            }
+            if let Some((mut first, n)) = doubled {
+                if n > 1 {
+                    first.message = format!("{}, as are {} more", first.message, n - 1);
+                }
+                warnings.push(first);
             }
             if clock.origin.is_some() {
                 warnings.push(Problem::general(format!(
@@ -274,6 +299,23 @@ impl<'a> Rows<'a> {
         }
         Err(found.into_error(path))
     }
+}
+
+/// The number that stands in a cell, as the file has it.
+fn raw(cell: Cell) -> Option<f64> {
+    match cell {
+        Cell::Text(field) => field.parse::<f64>().ok(),
+        Cell::Number(raw) => Some(raw),
+        Cell::Integer(raw) => Some(raw as f64),
+        Cell::Missing => None,
+    }
+}
+
+/// … and in the unit that the log has it in, where it is finite.
+fn value(cell: Cell, source: Source) -> Option<f64> {
+    let raw = raw(cell).filter(|raw| raw.is_finite())?;
+    let value = raw * source.scale + source.offset;
+    value.is_finite().then_some(value)
 }
 
 /// What stands in the column `run`.
