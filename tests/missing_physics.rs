@@ -353,3 +353,11 @@ fn nothing_is_found_where_nothing_is_hidden() {
         assert!(diagnosis.unexplained.is_none(), "seed {seed}");
     }
 }
+
+/// The cart sticks a little longer in one of the unseen windows where its friction is sharper: without a finding the model stays as it was given, and as sharp.
+#[test]
+fn where_what_the_fit_moved_makes_unseen_data_worse_the_model_stays_as_given() {
+    let diagnosis = diagnosed(&Hidden::Nothing, 140110, 60.0);
+    assert_eq!(diagnosis.verdict, Verdict::NothingMissing);
+    assert_eq!(diagnosis.gap.after, diagnosis.gap.before);
+}

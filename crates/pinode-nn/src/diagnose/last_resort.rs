@@ -41,6 +41,9 @@ const SLOPES: [f64; 2] = [0.5, 10.0];
 const TOLERANCE: f64 = 3.0;
 /// Iterations of the fit: of the initial states alone, and of all.
 const ITERATIONS: [usize; 2] = [0, 30];
+/// Where those would take more integration steps of a state or a constant than this, some ten seconds of them, it is taught on as many fewer of the windows, and goes on with so many iterations on all.
+const MOST_WORK: u64 = 50_000_000;
+const ON_ALL: usize = 3;
 /// A network could do the work of a constant that would be known so many times as well if the network were known.
 const DOES_THE_SAME: f64 = 1.5;
 /// So many times it is asked what it could.
@@ -191,7 +194,16 @@ impl<'a> Resort<'a> {
         let theta = [&given.inside.theta, force.network().parameters()].concat();
         hybrid.add_open_network(Arc::new(force), TOLERANCE);
         let [alone, all] = ITERATIONS;
-        let mut fitted = self.study.fit(hybrid, given.start(theta), alone, all);
+        let substeps = self.study.substeps_for(&hybrid, &theta);
+        let work = self.study.work_of_one(&hybrid, substeps) * all as u64;
+        let share = usize::try_from(work / MOST_WORK)
+            .unwrap_or(usize::MAX)
+            .max(1);
+        let (some, there) = match share {
+            1 => (self.study.clone(), given.clone()),
+            _ => self.study.some_windows(given, share),
+        };
+        let mut fitted = some.fit(hybrid, there.start(theta), alone, all);
         // What does the same as a constant that is held may be next.
         for _ in 0..ROUNDS {
             let taken = taken_over(&fitted);
@@ -205,7 +217,11 @@ impl<'a> Resort<'a> {
                 let constant = &mut hybrid.constants_mut()[i];
                 (constant.value, constant.tolerance) = (theta[i], 0.0);
             }
-            fitted = self.study.fit(hybrid, fitted.start(theta), alone, all);
+            fitted = some.fit(hybrid, fitted.start(theta), alone, all);
+        }
+        if share > 1 {
+            let start = given.start(fitted.inside.theta);
+            fitted = self.study.fit(fitted.hybrid, start, 1, ON_ALL);
         }
         let comparison = Comparison::of(&fitted, given);
         if !comparison.explains() {

@@ -74,8 +74,9 @@ impl Search {
         }
     }
 
-    /// Takes back what the fit moved: the constants are those of the model as given.
+    /// Takes back what the fit moved: the constants are those of the model as given, and its dry friction is as sharp.
     pub fn put_back(&mut self) {
+        self.model.hybrid.smooth_as(&self.null.hybrid);
         let theta = self.model.hybrid.theta();
         for fit in [&mut self.model.inside, &mut self.model.outside] {
             fit.theta.clone_from(&theta);

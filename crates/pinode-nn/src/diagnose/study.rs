@@ -167,10 +167,15 @@ impl Study {
 
     /// Counts a fit of so many iterations.
     pub(super) fn count(&self, hybrid: &Hybrid, substeps: usize, iterations: usize) {
+        let work = self.work_of_one(hybrid, substeps) * iterations as u64;
+        self.work.fetch_add(work, Ordering::Relaxed);
+    }
+
+    /// What one iteration of a fit might cost.
+    pub(super) fn work_of_one(&self, hybrid: &Hybrid, substeps: usize) -> u64 {
         let samples: usize = self.windows.fit.iter().map(|w| w.count).sum();
         let columns = hybrid.nx() + hybrid.free().len();
-        let steps = samples * substeps * columns * iterations;
-        self.work.fetch_add(steps as u64, Ordering::Relaxed);
+        (samples * substeps * columns) as u64
     }
 
     /// Integration steps per log sample for a model at θ: more than else where an effect with a memory is fast, or a stop hard.

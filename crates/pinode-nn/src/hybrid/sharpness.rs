@@ -97,6 +97,16 @@ impl Hybrid {
         self.smoothed_by(factor, |_| true)
     }
 
+    /// Gives effects the smoothing velocities that they have in another model.
+    pub(crate) fn smooth_as(&mut self, other: &Self) {
+        for placed in &mut self.effects {
+            if let Some(own) = other.effects.iter().find(|e| e.is_same(placed)) {
+                placed.smoothing = own.smoothing;
+            }
+        }
+        (self.sharpness, self.stiff) = (other.sharpness, other.stiff);
+    }
+
     /// The model with the smoothing velocities of these effects times `factor`.
     pub(crate) fn smoothed_by(&self, factor: f64, counts: impl Fn(&Placed) -> bool) -> Self {
         let mut scaled = self.clone();
