@@ -26,6 +26,7 @@ mod clock;
 mod comparison;
 mod confidence;
 mod constancy;
+mod contained;
 pub(crate) mod conventions;
 pub mod curves;
 mod elsewhere;

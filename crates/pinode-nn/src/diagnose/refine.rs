@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::candidate::Candidate;
 use super::comparison::{Comparison, RELIEF, SURE};
 use super::confidence::wins;
+use super::contained::instead;
 use super::found::position;
 use super::screen::Screened;
 use super::shown::fit_shown;
@@ -28,6 +29,8 @@ const ROUNDS: [usize; 2] = [12, 4];
 /// A rival goes on while it makes good this share of what it lacks in a round, the leader while one gains so many nats.
 const CATCHING_UP: f64 = 0.25;
 const WORTH_A_ROUND: f64 = 1.0;
+/// A rival that the leader contains and that is behind by so many nats may be held up on its way.
+const FAR_BEHIND: f64 = 100.0;
 /// A rival is fitted from where no tolerance is stretched where so many times its stretch would make good what it lacks.
 const MORE_THAN_STRETCH: f64 = 2.0;
 
@@ -275,13 +278,11 @@ pub fn does_more(study: &Study, candidate: &Candidate, fitted: &Fitted, containe
 /// and whoever has not converged goes on, the leader to its end, its rivals while they would catch up with it.
 pub fn polish(study: &Study, current: &Fitted, contenders: &mut [Contender]) {
     let base = current.score(0);
-    let Some(leader) = contenders
-        .iter()
-        .max_by(|a, b| a.score.total_cmp(&b.score))
-        .cloned()
-    else {
+    let Some(ahead) = leader(contenders) else {
         return;
     };
+    hand_down(study, current, &ahead, contenders);
+    let leader = leader(contenders).unwrap_or(ahead);
     for rival in contenders.iter_mut() {
         // What takes over from constants that are stretched far begins far from where it ends.
         let takes_over = rival.imitated && rival.comparison.relief > leader.comparison.total();
@@ -315,6 +316,37 @@ pub fn polish(study: &Study, current: &Fitted, contenders: &mut [Contender]) {
         }
     }
     unstretch(study, current, contenders);
+}
+
+/// The one with the best score.
+fn leader(contenders: &[Contender]) -> Option<Contender> {
+    let best = contenders.iter().max_by(|a, b| a.score.total_cmp(&b.score));
+    best.cloned()
+}
+
+/// A law with one constant that the leader contains and is far behind is fitted from where that came to: with more constants a fit goes round what holds up one with
+/// fewer, and where these come to nothing the leader is not what it is called, but that.
+fn hand_down(study: &Study, current: &Fitted, leader: &Contender, contenders: &mut [Contender]) {
+    let [rich] = leader.added[..] else {
+        return;
+    };
+    let known = current.hybrid.effects();
+    let simpler = contenders.iter_mut().filter(|rival| match rival.added[..] {
+        [simple] => {
+            rich.contains(&simple)
+                && rich.kind.states() == 0
+                && simple.kind.parameters.len() == 1
+                && leader.score - rival.score > FAR_BEHIND
+                && !known.iter().any(|e| simple.is(e))
+        }
+        _ => false,
+    });
+    for rival in simpler {
+        let again = instead(study, current, (&leader.fitted, &rich), &rival.added[0]);
+        if let Some(again) = again {
+            rival.improve(study, current, again);
+        }
+    }
 }
 
 impl Contender {
@@ -383,5 +415,39 @@ pub fn rank(contenders: &mut [Contender], seed: u64) {
     let wins = wins(&scores, seed);
     for (contender, wins) in playing.iter_mut().zip(wins) {
         contender.wins = wins;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::super::pushes::tests::prepared_with;
+    use super::super::setup::Prepared;
+    use super::*;
+
+    /// The simpler law had been left where its fit was held up, and a law that was not what it is called stood in its way.
+    #[test]
+    fn a_law_that_the_leader_contains_is_fitted_from_where_that_came_to() {
+        let (_dir, Prepared { study, null, .. }) = prepared_with(0.0, 0.8);
+        let fitted = |kind: &'static str, start: &[f64], iterations: usize| {
+            let candidate = Candidate::named(kind, 0);
+            let (hybrid, theta) = candidate.place(&null.hybrid, &null.inside.theta, start);
+            let fitted = study.fit(hybrid, null.start(theta), 1, iterations);
+            contender(&study, vec![candidate], fitted, &null)
+        };
+        let rich = fitted("asymmetric_viscous_friction", &[0.5, 0.5], 12);
+        let held_up = fitted("viscous_friction", &[0.05], 0);
+        assert!(rich.score - held_up.score > FAR_BEHIND);
+        let mut contenders = [rich, held_up];
+        polish(&study, &null, &mut contenders);
+        let found = &contenders[1].fitted;
+        let index = position(found, &contenders[1].added[0]).unwrap();
+        let size = found.inside.theta[found.hybrid.range(index)][0];
+        assert!((size - 0.8).abs() < 0.004, "{size}");
+        assert!(
+            contenders[0].score - contenders[1].score < 0.0,
+            "with one constant less"
+        );
     }
 }

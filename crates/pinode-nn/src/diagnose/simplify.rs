@@ -1,10 +1,9 @@
 //! Names that the final fit does not bear out: numerics that are too coarse for a law are explained by another's additional constants.
 
-use integrators::event::Direction;
-
 use super::candidate::Candidate;
 use super::comparison::Comparison;
-use super::found::{in_order_of_contribution, position, prune, stripped, without};
+use super::contained::{instead, size};
+use super::found::{in_order_of_contribution, position, prune, without};
 use super::numerics::{COUNTS, sharp, shows};
 use super::refine::{does_more, is_sensible};
 use super::search::Search;
@@ -12,10 +11,6 @@ use super::step::Report;
 use super::study::{Fitted, Study};
 use super::width::respread;
 use crate::effect::registry;
-use crate::hybrid::Placed;
-
-/// Iterations of a fit of a simpler law.
-const ITERATIONS: usize = 12;
 
 /// Gives what was found, as fitted in `study`, the names with the fewest constants: a law whose fitted constants may be those of a simpler one that it
 /// contains is called by that one's name, unless it explains what that leaves or spares tolerances that that stretches; so is one that owes them to friction that
@@ -81,18 +76,11 @@ pub fn simplify(
 /// fitted in.
 fn simpler(study: &Study, search: &Search, k: usize) -> Option<(Candidate, Study, Fitted)> {
     let (rich, model) = (search.found[k].candidate, &search.model);
-    let index = position(model, &rich)?;
-    let theta = &model.inside.theta;
     // Friction with a memory is what it is called by more than its size.
     if rich.kind.states() > 0 {
         return None;
     }
-    let own = &theta[model.hybrid.range(index)];
-    let scales = rich.scales(&model.hybrid, &study.scales);
-    let size = match rich.kind.dry() {
-        Some(law) => law.size(Direction::Positive, scales.centre, scales.speed, own),
-        None => own.first().copied()?,
-    };
+    let size = size(study, model, &rich)?;
     let known = search.null.hybrid.effects();
     let is_known = |simple: &Candidate| known.iter().any(|e| simple.is(e));
     let contained = rich.kind.contains.iter();
@@ -110,14 +98,7 @@ fn simpler(study: &Study, search: &Search, k: usize) -> Option<(Candidate, Study
         return None;
     }
     contained.find_map(|simple| {
-        let (mut hybrid, mut theta) = stripped(&search.null, model, index);
-        let placed = Placed {
-            kind: simple.kind,
-            ..model.hybrid.effects()[index]
-        };
-        hybrid.add(placed, &[size]);
-        theta.push(size);
-        let fitted = study.fit(hybrid, model.start(theta), 1, ITERATIONS);
+        let fitted = instead(study, &search.null, (model, &rich), &simple)?;
         let sharper = || sharp(study, &fitted, COUNTS);
         let sharper = study.may_sharpen.then(sharper).flatten();
         let fits = [Some((study.clone(), fitted)), sharper];
