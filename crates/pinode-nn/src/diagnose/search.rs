@@ -533,7 +533,6 @@ impl Place {
     fn respread(&mut self) {
         let pushed = self.current.hybrid.effects().iter().any(is_push);
         if !pushed
-            && self.study.may_sharpen
             && let Some(spread) = respread(&self.study, &self.current, &self.added)
             && improves(&self.study, (&spread, &self.current), self.added.iter())
         {

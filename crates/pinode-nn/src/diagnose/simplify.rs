@@ -37,11 +37,6 @@ pub fn simplify(
                 rich.kind.name, simple.kind.name
             ));
             study = finer;
-            // What the other constants made up for.
-            let may_spread = study
-                .may_sharpen
-                .then(|| respread(&study, &fitted, &[simple]));
-            let fitted = may_spread.flatten().unwrap_or(fitted);
             let index = position(&fitted, &simple);
             let reduced = index.map(|index| without(&study, &search.null, &fitted, index));
             let found = &mut search.found[k];
@@ -104,9 +99,7 @@ fn simpler(study: &Study, search: &Search, k: usize) -> Option<(Candidate, Study
         let fits = [Some((study.clone(), fitted)), sharper];
         fits.into_iter().flatten().find_map(|(study, fitted)| {
             // What the other constants may have made up for.
-            let spread = || respread(&study, &fitted, &[simple]);
-            let spread = study.may_sharpen.then(spread).flatten();
-            let fitted = spread.unwrap_or(fitted);
+            let fitted = respread(&study, &fitted, &[simple]).unwrap_or(fitted);
             let lead = Comparison::of(model, &fitted);
             let earns = lead.explains() || lead.explains_more() || lead.relieves();
             let does = is_sensible(&study, &simple, &fitted) && !earns;

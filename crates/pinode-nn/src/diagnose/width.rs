@@ -37,10 +37,11 @@ fn is_dry(placed: &Placed) -> bool {
 }
 
 /// A fitted model with the dry friction that was `added` spread over the speeds that explain the data. Over many more than usual it holds no joint at rest: fluid
-/// friction of what is lubricated, and the tanh of other people's simulations. `None` where it explains no more so.
+/// friction of what is lubricated, and the tanh of other people's simulations. `None` where it explains no more so, and where the model says how
+/// wide it is.
 pub fn respread(study: &Study, fitted: &Fitted, added: &[Candidate]) -> Option<Fitted> {
     let is_its = |placed: &Placed| is_dry(placed) && added.iter().any(|c| c.is(placed));
-    if !fitted.hybrid.effects().iter().any(is_its) {
+    if !study.may_sharpen || !fitted.hybrid.effects().iter().any(is_its) {
         return None;
     }
     let spread = |study: &Study, from: &Fitted, factor: f64, iterations: usize| {
