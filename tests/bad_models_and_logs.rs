@@ -397,7 +397,7 @@ fn rows_that_repeat_the_one_before_are_left_out_and_told_in_one_line() {
     let warnings: Vec<String> = log.warnings.iter().map(|w| w.to_string()).collect();
     assert_eq!(
         warnings,
-        ["5:1: repeats the row before: left out, as are 1 more"]
+        ["5:1: repeats the row before: left out (1 more like it)"]
     );
     let other = format!("{}{}", good_rows(10), row(9).replace(",1", ",2"));
     let message = problems_of(parse_log(other.as_bytes()), "two values").to_string();

@@ -87,9 +87,9 @@ pub fn simpler(study: &Study, contenders: &[Contender], k: usize, best: usize) -
         let lead = Comparison::of(&contenders[c].fitted, &other.fitted);
         // One that stretches what is known in place of a constant of its own is no simpler.
         lead.explains()
-            || (contenders[c].contains(other) && explains_more(study, &contenders[c], other, lead))
             || lead.relieves()
             || (contenders[c].standing == Standing::Slight && lead.leads_slightly())
+            || (contenders[c].contains(other) && has_more(study, &contenders[c], other, lead))
     };
     let mut ahead = usize::MAX;
     contenders.iter().position(|other| {
@@ -102,13 +102,13 @@ pub fn simpler(study: &Study, contenders: &[Contender], k: usize, best: usize) -
             && constants(other) < constants(&contenders[best])
             && (k == best || contenders[best].contains(other))
             && !earns(k, other)
-            && !earns(best, other)
+            && (best == k || !earns(best, other))
     })
 }
 
 /// Whether one explains more than another that it contains, with this lead. Two laws of dry friction that are not as sharp as the data see it both lose, in other windows each,
 /// and what one of them is ahead is lost in that: then it is asked of them as sharp as that.
-fn explains_more(study: &Study, rich: &Contender, simple: &Contender, lead: Comparison) -> bool {
+fn has_more(study: &Study, rich: &Contender, simple: &Contender, lead: Comparison) -> bool {
     let are_dry = rich.added.iter().all(|c| c.kind.dry().is_some());
     let leads = lead.inside.gain > WORTH_SHARPENING && lead.outside.gain > 0.0;
     let as_sharp = || {

@@ -1,5 +1,6 @@
 //! Candidates refined by fits: what each of them is worth beside the model before.
 
+use integrators::event::Direction;
 use rayon::prelude::*;
 
 use super::candidate::Candidate;
@@ -11,6 +12,7 @@ use super::screen::Screened;
 use super::shown::fit_shown;
 use super::study::{Fitted, Study};
 use super::unstretched::unstretched;
+use crate::hybrid::Placed;
 
 /// A candidate with this share of its information spanned by free constants is one that they imitate.
 const IMITATED: f64 = 0.9;
@@ -29,6 +31,8 @@ const ROUNDS: [usize; 2] = [12, 4];
 /// A rival goes on while it makes good this share of what it lacks in a round, the leader while one gains so many nats.
 const CATCHING_UP: f64 = 0.25;
 const WORTH_A_ROUND: f64 = 1.0;
+/// Dry friction of which less than this share of what it is at rest is left at speed is another law, unless the rest is known exactly.
+const RUBS: f64 = 0.1;
 /// A rival that the leader contains and that is behind by so many nats may be held up on its way.
 const FAR_BEHIND: f64 = 100.0;
 /// A rival is fitted from where no tolerance is stretched where so many times its stretch would make good what it lacks.
@@ -235,11 +239,17 @@ pub fn contender(
 
 /// Whether a fitted effect is what it is called.
 pub fn is_sensible(study: &Study, candidate: &Candidate, fitted: &Fitted) -> bool {
-    let scales = candidate.scales(&fitted.hybrid, &study.scales);
-    let effect = position(fitted, candidate).map(|index| fitted.hybrid.range(index));
-    effect.is_some_and(|range| {
-        let p = &fitted.inside.theta[range];
-        candidate.kind.is_itself(&scales, p)
+    let hybrid = &fitted.hybrid;
+    let scales = candidate.scales(hybrid, &study.scales);
+    position(fitted, candidate).is_some_and(|index| {
+        let p = &fitted.inside.theta[hybrid.range(index)];
+        let is_fixed =
+            |e: &Placed| e.fixed && e.target == candidate.target && e.kind.dry().is_some();
+        let rubs = candidate.kind.dry().is_none_or(|law| {
+            let size = |speed: f64| law.size(Direction::Positive, scales.centre, speed, p);
+            size(f64::INFINITY) >= RUBS * size(0.0)
+        });
+        candidate.kind.is_itself(&scales, p) && (rubs || hybrid.effects().iter().any(is_fixed))
     })
 }
 
@@ -425,6 +435,7 @@ mod tests {
     use super::super::pushes::tests::prepared_with;
     use super::super::setup::Prepared;
     use super::*;
+    use crate::hybrid::Hybrid;
 
     /// The simpler law had been left where its fit was held up, and a law that was not what it is called stood in its way.
     #[test]
@@ -449,5 +460,30 @@ mod tests {
             contenders[0].score - contenders[1].score < 0.0,
             "with one constant less"
         );
+    }
+
+    #[test]
+    fn friction_that_is_gone_at_speed_is_no_stribeck_friction_unless_the_rest_is_fixed() {
+        let (_dir, Prepared { study, null, .. }) = prepared_with(0.0, 0.8);
+        let stribeck = Candidate::named("stribeck_friction", 0);
+        let is = |given: &Hybrid, law: [f64; 3]| {
+            let (hybrid, theta) = stribeck.place(given, &given.theta(), &law);
+            is_sensible(
+                &study,
+                &stribeck,
+                &study.fit(hybrid, null.start(theta), 0, 0),
+            )
+        };
+        assert!(is(&null.hybrid, [0.2, 0.5, 0.3]));
+        assert!(!is(&null.hybrid, [0.0, 0.5, 0.3]));
+        let coulomb = Candidate::named("coulomb_friction", 0);
+        let (placed, _) = coulomb.place(&null.hybrid, &null.inside.theta, &[0.4]);
+        let mut beside = null.hybrid.clone();
+        let known = Placed {
+            fixed: true,
+            ..placed.effects()[0]
+        };
+        beside.add(known, &[0.4]);
+        assert!(is(&beside, [0.0, 0.5, 0.3]));
     }
 }

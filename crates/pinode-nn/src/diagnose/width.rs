@@ -15,13 +15,13 @@ use crate::hybrid::{Hybrid, Placed};
 const ITERATIONS: usize = 12;
 /// So many times as wide ranges of speeds are tried for the sign of dry friction: what is nearly as sharp as it is taken to be, over all windows, where one of
 /// them that sticks the other way would decide for a part of them; and what is far from that, over one in so many windows by so many iterations. Where one gains
-/// so many nats it is tried in all, and others that are nearer to it by these factors.
+/// so many nats it is tried in all, and others by these factors from there, each so often while it gains.
 const NEAR: [f64; 2] = [0.6, 1.5];
 const FAR: [f64; 3] = [4.0, 16.0, 64.0];
 const SHARE: usize = 4;
 const TRIED: usize = 4;
 const WORTH_A_TRIAL: f64 = 3.0;
-const NEARER: [f64; 4] = [2.0, SQRT_2, 1.19, 1.09];
+const NEARER: [(f64, usize); 4] = [(2.0, 5), (SQRT_2, 1), (1.19, 1), (1.09, 1)];
 /// A range that gains so many nats on the seen windows, and any on those held out, is the one: it is no effect that asks for a name.
 const IS_IT: f64 = 6.0;
 /// … and no wider than this share of a speed over which its law changes: what is wider is a part of the law.
@@ -47,7 +47,7 @@ pub fn respread(study: &Study, fitted: &Fitted, added: &[Candidate]) -> Option<F
     let spread = |study: &Study, from: &Fitted, factor: f64, iterations: usize| {
         spread(study, (from, factor), is_its, iterations)
     };
-    let gain = |wider: &Fitted, from: &Fitted| match is_narrow(wider, is_its) {
+    let gain = |wider: &Fitted, from: &Fitted| match is_narrow(wider, from, is_its) {
         true => Comparison::of(wider, from).total(),
         false => f64::NEG_INFINITY,
     };
@@ -67,36 +67,47 @@ pub fn respread(study: &Study, fitted: &Fitted, added: &[Candidate]) -> Option<F
             spread(study, fitted, factor, ITERATIONS)
         }
     };
-    for step in NEARER {
-        let nearer = [step, 1.0 / step].into_iter();
-        let nearer = nearer.map(|f| spread(study, &wide, f, ITERATIONS));
-        if let Some(better) = { nearer }.find(|other| gain(other, &wide) > 0.0) {
+    for (step, most) in NEARER {
+        for _ in 0..most {
+            let nearer = [step, 1.0 / step].into_iter();
+            let nearer = nearer.map(|f| spread(study, &wide, f, ITERATIONS));
+            let Some(better) = { nearer }.find(|other| gain(other, &wide) > 0.0) else {
+                break;
+            };
             wide = better;
         }
     }
     let lead = Comparison::of(&wide, fitted);
-    (lead.inside.gain > IS_IT && lead.outside.gain > 0.0).then_some(wide)
+    let is_it = lead.inside.gain > IS_IT && lead.outside.gain > 0.0;
+    (is_it && is_narrow(&wide, fitted, is_its)).then_some(wide)
 }
 
 /// By how much each of the constants that were free may be off, in the order of `inside.free`, because the width is: what it moves by in a fit with another width, as
 /// the width would be moved by one standard error of it. With l(w) the log-likelihood of the best fit, a parabola about its top, that is by
-/// |θ(w′) − θ(w)| / √(2 (l(w) − l(w′))). Nothing where the model says how wide it is, and beside end stops, whose blows decide what little it shows.
+/// |θ(w′) − θ(w)| / √(2 (l(w) − l(w′))). Nothing where the model says how wide it is, beside end stops, whose blows decide what little it shows,
+/// and beside a network that was taught, which would be taught again; by a wider one only where that is still [narrow](is_narrow).
 pub fn owed(study: &Study, fitted: &Fitted) -> Vec<f64> {
     let mut owed = vec![0.0_f64; fitted.inside.free.len()];
     let effects = fitted.hybrid.effects();
     let has_stops = effects.iter().any(|e| e.kind.stop().is_some());
-    if !study.may_sharpen || has_stops || !effects.iter().any(is_dry) {
+    let is_taught = !fitted.hybrid.networks().is_empty();
+    if !study.may_sharpen || has_stops || is_taught || !effects.iter().any(is_dry) {
         return owed;
     }
+    // What more iterations move is not owed to the width.
+    let best = match fitted.inside.converged {
+        true => fitted.clone(),
+        false => spread(study, (fitted, 1.0), is_dry, ITERATIONS),
+    };
     for factor in NEAR {
         let other = spread(study, (fitted, factor), is_dry, ITERATIONS);
-        if !is_narrow(&other, is_dry) {
+        if !is_narrow(&other, &best, is_dry) {
             continue;
         }
-        let lost = Comparison::of(fitted, &other).total().max(AS_GOOD);
+        let lost = Comparison::of(&best, &other).total().max(AS_GOOD);
         let standard = 1.0 / (2.0 * lost).sqrt();
         for (owed, &i) in owed.iter_mut().zip(&fitted.inside.free) {
-            let moved = (other.inside.theta[i] - fitted.inside.theta[i]).abs();
+            let moved = (other.inside.theta[i] - best.inside.theta[i]).abs();
             *owed = owed.max(moved * standard);
         }
     }
@@ -114,22 +125,16 @@ fn spread(
     study.fit(hybrid, from.start(from.inside.theta.clone()), 1, iterations)
 }
 
-/// Whether the sign of this dry friction of a fitted model changes within a small part of the speeds that its law knows, as is that of a hump at low speed.
-fn is_narrow(fitted: &Fitted, is_its: impl Fn(&Placed) -> bool) -> bool {
+/// Whether the sign of this dry friction of a fitted model changes within a small part of the speeds that its law knows, as is that of a hump at low speed, or within less of
+/// them than in another fit.
+fn is_narrow(fitted: &Fitted, other: &Fitted, is_its: impl Fn(&Placed) -> bool) -> bool {
     let (hybrid, theta) = (&fitted.hybrid, &fitted.inside.theta);
-    let mut its = hybrid
-        .effects()
-        .iter()
-        .enumerate()
-        .filter(|(_, e)| is_its(e));
-    its.all(|(index, placed)| {
-        let constants = placed
-            .kind
-            .parameters
-            .iter()
-            .zip(&theta[hybrid.range(index)]);
+    let effects = hybrid.effects().iter().zip(other.hybrid.effects());
+    let mut its = effects.enumerate().filter(|(_, (own, _))| is_its(own));
+    its.all(|(index, (own, other))| {
+        let constants = own.kind.parameters.iter().zip(&theta[hybrid.range(index)]);
         let mut speeds = constants.filter(|(spec, _)| spec.quantity == Quantity::Velocity);
-        speeds.all(|(_, speed)| placed.smoothing < NARROW * speed)
+        own.smoothing < other.smoothing || speeds.all(|(_, speed)| own.smoothing < NARROW * speed)
     })
 }
 

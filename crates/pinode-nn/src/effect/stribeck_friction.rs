@@ -38,12 +38,10 @@ impl ForceLaw for Stribeck {
 const SLOWEST: f64 = 5e-3;
 /// Friction that has less than this share of its sliding force at rest does not hold there. Bristles leave their static force uncertain.
 const HOLDS: f64 = 0.5;
-/// What has less than this share of its static force at speed does not rub there.
-const RUBS: f64 = 0.1;
 
 /// Whether sliding force, static force and Stribeck velocity are those of friction at rest and at speeds that the motion has.
 pub(super) fn is_stribeck([sliding, at_rest, velocity]: [f64; 3], scales: &Scales) -> bool {
-    velocity > SLOWEST * scales.speed && at_rest > HOLDS * sliding && sliding > RUBS * at_rest
+    velocity > SLOWEST * scales.speed && at_rest > HOLDS * sliding
 }
 
 impl DryFriction for Stribeck {

@@ -34,6 +34,10 @@ pub(super) trait Row {
     fn cell(&self, index: usize) -> Cell<'_>;
     /// A fault of the cell in column `index`, with its place.
     fn problem(&self, index: usize, message: String) -> Problem;
+    /// Whether one that repeats the row before may be that row written twice.
+    fn may_repeat(&self) -> bool {
+        true
+    }
 }
 
 /// Problems, of which the first are kept.
@@ -142,7 +146,7 @@ impl<'a> Rows<'a> {
         } else if let Some(&last) = self.runs.last().and_then(|run| run.t.last())
             && t <= last
         {
-            if t == last && self.is_doubled(row) {
+            if t == last && row.may_repeat() && self.is_doubled(row) {
                 let (_, n) = self.doubled.get_or_insert_with(|| {
                     let message = "repeats the row before: left out".to_owned();
                     (row.problem(layout.t.index, message), 0)
@@ -271,7 +275,7 @@ impl<'a> Rows<'a> {
             }
             if let Some((mut first, n)) = doubled {
                 if n > 1 {
-                    first.message = format!("{}, as are {} more", first.message, n - 1);
+                    first.message = format!("{} ({} more like it)", first.message, n - 1);
                 }
                 warnings.push(first);
             }

@@ -266,6 +266,11 @@ struct Instant<'a> {
 }
 
 impl Row for Instant<'_> {
+    /// Rows of one time are one, whatever the messages at that time say.
+    fn may_repeat(&self) -> bool {
+        false
+    }
+
     fn cell(&self, index: usize) -> Cell<'_> {
         let Some(index) = index.checked_sub(1) else {
             return Cell::Number(self.t);
