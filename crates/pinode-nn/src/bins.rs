@@ -16,6 +16,20 @@ pub fn binned(values: &[f64], bins: usize) -> Vec<usize> {
     bin
 }
 
+/// Range of a signal in each of its quantile bins and the mean of what goes with it there; bins that a value of many samples leaves empty are left out.
+pub fn along(signal: &[f64], of: &[f64], bins: usize) -> Vec<([f64; 2], f64)> {
+    let mut all = vec![([f64::INFINITY, f64::NEG_INFINITY], 0.0, 0_usize); bins];
+    for ((bin, &x), &y) in binned(signal, bins).into_iter().zip(signal).zip(of) {
+        let (range, sum, n) = &mut all[bin];
+        *range = [range[0].min(x), range[1].max(x)];
+        *sum += y;
+        *n += 1;
+    }
+    let used = all.into_iter().filter(|(_, _, n)| *n > 0);
+    used.map(|(range, sum, n)| (range, sum / n as f64))
+        .collect()
+}
+
 /// Mean of `force` in the cells of the signals' bins; cells with one sample have none. The number of cells that are used comes with it.
 pub fn cell_means(force: &[f64], signals: &[&[f64]], bins: usize) -> (Vec<Option<f64>>, usize) {
     let mut cell = vec![0_usize; force.len()];
@@ -90,5 +104,19 @@ mod tests {
             let two: Vec<f64> = (0..1200).map(|k| f64::from(u8::from(k >= zeros))).collect();
             assert!(explained_by(&two, &[&two], 12) > 0.99, "{zeros}");
         }
+    }
+
+    #[test]
+    fn the_mean_along_a_signal_has_no_place_for_bins_without_samples() {
+        let signal: Vec<f64> = (0..1200).map(|k| f64::from(k.max(900))).collect();
+        let of: Vec<f64> = signal.iter().map(|x| 2.0 * x).collect();
+        let along = along(&signal, &of, 12);
+        assert_eq!(along.len(), 4);
+        assert_eq!(along[0].0, [900.0; 2]);
+        assert!(
+            along
+                .iter()
+                .all(|(range, mean)| (mean - range[0] - range[1]).abs() < 1e-9)
+        );
     }
 }

@@ -4,7 +4,7 @@ use super::candidate::Candidate;
 use super::comparison::Comparison;
 use super::misfit::is_unexplained;
 use super::numerics::sharp;
-use super::refine::{Contender, Standing, rank};
+use super::refine::{Contender, Standing, is_sensible, rank};
 use super::study::{Fitted, Study};
 use super::width::{is_soft, respread};
 use crate::smoothing::VISIBLE;
@@ -112,9 +112,11 @@ fn has_more(study: &Study, rich: &Contender, simple: &Contender, lead: Compariso
     let are_dry = rich.added.iter().all(|c| c.kind.dry().is_some());
     let leads = lead.inside.gain > WORTH_SHARPENING && lead.outside.gain > 0.0;
     let as_sharp = || {
-        let [rich, simple] = [rich, simple].map(|c| as_sharp_as_seen(study, &c.fitted, &c.added));
-        let lead = Comparison::of(&rich, &simple);
-        lead.explains() || lead.explains_more()
+        let sharp = |c: &Contender| as_sharp_as_seen(study, &c.fitted, &c.added);
+        let model = sharp(rich);
+        let lead = Comparison::of(&model, &sharp(simple));
+        let is_itself = |c: &Candidate| is_sensible(study, c, &model);
+        (lead.explains() || lead.explains_more()) && rich.added.iter().all(is_itself)
     };
     lead.explains_more() || (are_dry && leads && study.may_sharpen && as_sharp())
 }

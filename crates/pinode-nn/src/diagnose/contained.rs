@@ -5,10 +5,19 @@ use integrators::event::Direction;
 use super::candidate::Candidate;
 use super::found::{position, stripped};
 use super::study::{Fitted, Study};
-use crate::hybrid::Placed;
+use crate::hybrid::{Hybrid, Placed};
 
 /// Iterations of its fit.
 const ITERATIONS: usize = 12;
+
+/// Whether a law may stand in the place of a `rich` one on what `given` has: it has one constant and is contained in that. Friction with a memory is what it is called by more
+/// than its size, and what is known already has its place.
+pub fn is_simpler(simple: &Candidate, rich: &Candidate, given: &Hybrid) -> bool {
+    rich.contains(simple)
+        && rich.kind.states() == 0
+        && simple.kind.parameters.len() == 1
+        && !given.effects().iter().any(|e| simple.is(e))
+}
 
 /// How large a law is, where that is what one with one constant has.
 pub fn size(study: &Study, model: &Fitted, rich: &Candidate) -> Option<f64> {

@@ -196,7 +196,7 @@ impl<'a> Resort<'a> {
         let [alone, all] = ITERATIONS;
         let substeps = self.study.substeps_for(&hybrid, &theta);
         let work = self.study.work_of_one(&hybrid, substeps) * all as u64;
-        let share = usize::try_from(work / MOST_WORK)
+        let share = usize::try_from(work.div_ceil(MOST_WORK))
             .unwrap_or(usize::MAX)
             .max(1);
         let (some, there) = match share {

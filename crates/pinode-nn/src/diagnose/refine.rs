@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::candidate::Candidate;
 use super::comparison::{Comparison, RELIEF, SURE};
 use super::confidence::wins;
-use super::contained::instead;
+use super::contained::{instead, is_simpler};
 use super::found::position;
 use super::screen::Screened;
 use super::shown::fit_shown;
@@ -340,14 +340,9 @@ fn hand_down(study: &Study, current: &Fitted, leader: &Contender, contenders: &m
     let [rich] = leader.added[..] else {
         return;
     };
-    let known = current.hybrid.effects();
     let simpler = contenders.iter_mut().filter(|rival| match rival.added[..] {
         [simple] => {
-            rich.contains(&simple)
-                && rich.kind.states() == 0
-                && simple.kind.parameters.len() == 1
-                && leader.score - rival.score > FAR_BEHIND
-                && !known.iter().any(|e| simple.is(e))
+            is_simpler(&simple, &rich, &current.hybrid) && leader.score - rival.score > FAR_BEHIND
         }
         _ => false,
     });

@@ -60,30 +60,21 @@ fn said(errors: Errors) -> RegionErrors {
 fn large(residual: &ResidualForce) -> Option<Vec<[f64; 2]>> {
     const BINS: usize = 12;
     let values = &residual.best_signal.2;
-    let bin = crate::bins::binned(values, BINS);
-    let mut bins = [(0.0, 0_usize, [f64::INFINITY, f64::NEG_INFINITY]); BINS];
-    for ((&b, f), v) in bin.iter().zip(&residual.force).zip(values) {
-        let (square, n, range) = &mut bins[b];
-        *square += f * f;
-        *n += 1;
-        *range = [range[0].min(*v), range[1].max(*v)];
-    }
-    // Those that a value of many samples leaves empty are between no two others.
-    let bins: Vec<_> = bins.into_iter().filter(|b| b.1 > 0).collect();
-    let mean = |b: &(f64, usize, [f64; 2])| b.0 / b.1 as f64;
-    let limit = LARGE * bins.iter().map(mean).fold(0.0, f64::max);
+    let squares: Vec<f64> = residual.force.iter().map(|f| f * f).collect();
+    let bins = crate::bins::along(values, &squares, BINS);
+    let limit = LARGE * bins.iter().map(|bin| bin.1).fold(0.0, f64::max);
     let mut ranges: Vec<[f64; 2]> = Vec::new();
     let mut joins = false;
-    for bin in &bins {
-        let is_large = mean(bin) > limit;
+    for (range, mean) in &bins {
+        let is_large = *mean > limit;
         match ranges.last_mut().filter(|_| joins && is_large) {
-            Some(last) => last[1] = bin.2[1],
-            None if is_large => ranges.push(bin.2),
+            Some(last) => last[1] = range[1],
+            None if is_large => ranges.push(*range),
             None => {}
         }
         joins = is_large;
     }
-    let everywhere = bins.iter().all(|b| mean(b) > limit);
+    let everywhere = bins.iter().all(|(_, mean)| *mean > limit);
     (!ranges.is_empty() && !everywhere).then_some(ranges)
 }
 

@@ -4,7 +4,7 @@ use super::audit::median;
 use super::curves::Profile;
 use super::experiment::short;
 use super::smooth::Smoothed;
-use crate::bins::{binned, explained_by};
+use crate::bins::{along, explained_by};
 use crate::shooting::ObservedRun;
 
 /// Number of quantile bins of the correlation ratio.
@@ -157,10 +157,13 @@ impl Signals {
         force: &[f64],
     ) -> Vec<Profile> {
         let velocity = &self.values[4 * coordinate + 1];
-        let along = |s: usize, way: &str, keep: &dyn Fn(f64) -> bool| {
-            let taken: Vec<usize> = (0..force.len()).filter(|&i| keep(velocity[i])).collect();
-            let (ranges, force) = profile(&self.values[s], force, &taken)?;
-            Some(Profile {
+        let profile = |s: usize, way: &str, keep: &dyn Fn(f64) -> bool| {
+            let taken = (0..force.len()).filter(|&i| keep(velocity[i]));
+            let taken = taken.map(|i| (self.values[s][i], force[i]));
+            let (values, force): (Vec<f64>, Vec<f64>) = taken.unzip();
+            let enough = values.len() >= 4 * BINS;
+            let (ranges, force) = along(&values, &force, BINS).into_iter().unzip();
+            enough.then(|| Profile {
                 signal: format!("{}{way}", self.names[s].0),
                 unit: self.names[s].1.clone(),
                 ranges,
@@ -169,9 +172,9 @@ impl Signals {
         };
         let single = explained.iter().take(PROFILES);
         single
-            .filter_map(|e| along(e.0, "", &|_| true))
-            .chain(along(4 * coordinate, ", moving up", &|v| v > 0.0))
-            .chain(along(4 * coordinate, ", moving down", &|v| v < 0.0))
+            .filter_map(|e| profile(e.0, "", &|_| true))
+            .chain(profile(4 * coordinate, ", moving up", &|v| v > 0.0))
+            .chain(profile(4 * coordinate, ", moving down", &|v| v < 0.0))
             .collect()
     }
 
@@ -211,23 +214,6 @@ pub fn clipped(force: &[f64]) -> Vec<f64> {
         .iter()
         .map(|f| f.clamp(middle - limit, middle + limit))
         .collect()
-}
-
-/// Range of a signal and mean force in each quantile bin of the samples `taken`; none of too few.
-fn profile(signal: &[f64], force: &[f64], taken: &[usize]) -> Option<(Vec<[f64; 2]>, Vec<f64>)> {
-    if taken.len() < 4 * BINS {
-        return None;
-    }
-    let values: Vec<f64> = taken.iter().map(|&i| signal[i]).collect();
-    let mut bins = [([f64::INFINITY, f64::NEG_INFINITY], 0.0, 0_usize); BINS];
-    for ((&i, bin), &x) in taken.iter().zip(binned(&values, BINS)).zip(&values) {
-        let (range, sum, n) = &mut bins[bin];
-        *range = [range[0].min(x), range[1].max(x)];
-        *sum += force[i];
-        *n += 1;
-    }
-    let used = bins.into_iter().filter(|(_, _, n)| *n > 0);
-    Some(used.map(|(range, sum, n)| (range, sum / n as f64)).unzip())
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use super::candidate::Candidate;
 use super::comparison::Comparison;
-use super::contained::{instead, size};
+use super::contained::{instead, is_simpler, size};
 use super::found::{in_order_of_contribution, position, prune, without};
 use super::numerics::{COUNTS, sharp, shows};
 use super::refine::{does_more, is_sensible};
@@ -71,19 +71,13 @@ pub fn simplify(
 /// fitted in.
 fn simpler(study: &Study, search: &Search, k: usize) -> Option<(Candidate, Study, Fitted)> {
     let (rich, model) = (search.found[k].candidate, &search.model);
-    // Friction with a memory is what it is called by more than its size.
-    if rich.kind.states() > 0 {
-        return None;
-    }
     let size = size(study, model, &rich)?;
-    let known = search.null.hybrid.effects();
-    let is_known = |simple: &Candidate| known.iter().any(|e| simple.is(e));
     let contained = rich.kind.contains.iter();
     let mut contained = contained
         .filter_map(|name| registry::find(name))
         .map(|kind| Candidate { kind, ..rich })
-        .filter(|simple| simple.kind.parameters.len() == 1)
-        .filter(|simple| !study.without.contains(&simple.kind) && !is_known(simple))
+        .filter(|simple| is_simpler(simple, &rich, &search.null.hybrid))
+        .filter(|simple| !study.without.contains(&simple.kind))
         .peekable();
     contained.peek()?;
     // Constants that make up for friction that is not sharp enough are as sure as others.

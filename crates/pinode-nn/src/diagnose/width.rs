@@ -70,8 +70,8 @@ pub fn respread(study: &Study, fitted: &Fitted, added: &[Candidate]) -> Option<F
     for (step, most) in NEARER {
         for _ in 0..most {
             let nearer = [step, 1.0 / step].into_iter();
-            let nearer = nearer.map(|f| spread(study, &wide, f, ITERATIONS));
-            let Some(better) = { nearer }.find(|other| gain(other, &wide) > 0.0) else {
+            let mut nearer = nearer.map(|f| spread(study, &wide, f, ITERATIONS));
+            let Some(better) = nearer.find(|other| gain(other, &wide) > 0.0) else {
                 break;
             };
             wide = better;
@@ -95,16 +95,15 @@ pub fn owed(study: &Study, fitted: &Fitted) -> Vec<f64> {
         return owed;
     }
     // What more iterations move is not owed to the width.
-    let best = match fitted.inside.converged {
-        true => fitted.clone(),
-        false => spread(study, (fitted, 1.0), is_dry, ITERATIONS),
-    };
+    let gone_on = || spread(study, (fitted, 1.0), is_dry, ITERATIONS);
+    let gone_on = (!fitted.inside.converged).then(gone_on);
+    let best = gone_on.as_ref().unwrap_or(fitted);
     for factor in NEAR {
         let other = spread(study, (fitted, factor), is_dry, ITERATIONS);
-        if !is_narrow(&other, &best, is_dry) {
+        if !is_narrow(&other, best, is_dry) {
             continue;
         }
-        let lost = Comparison::of(&best, &other).total().max(AS_GOOD);
+        let lost = Comparison::of(best, &other).total().max(AS_GOOD);
         let standard = 1.0 / (2.0 * lost).sqrt();
         for (owed, &i) in owed.iter_mut().zip(&fitted.inside.free) {
             let moved = (other.inside.theta[i] - best.inside.theta[i]).abs();

@@ -216,10 +216,10 @@ impl<'a> Rows<'a> {
         let is_again = |(column, &source): (&Vec<f64>, &Source)| {
             column.last().copied() == value(row.cell(source.index), source)
         };
-        let velocities = run.v.iter().zip(&self.layout.v);
+        let mut velocities = run.v.iter().zip(&self.layout.v);
         run.q.iter().zip(&self.layout.q).all(is_again)
             && run.u.iter().zip(&self.layout.u).all(is_again)
-            && velocities.into_iter().all(|pair| match pair {
+            && velocities.all(|pair| match pair {
                 (Some(column), Some(source)) => is_again((column, source)),
                 _ => true,
             })
