@@ -2,7 +2,6 @@
 
 use super::candidate::Candidate;
 use super::comparison::Comparison;
-use super::misfit::is_unexplained;
 use super::numerics::sharp;
 use super::refine::{Contender, Standing, is_sensible, rank};
 use super::study::{Fitted, Study};
@@ -21,7 +20,7 @@ const WORTH_SHARPENING: f64 = 20.0;
 const NUMERICAL: f64 = 0.3;
 
 /// The best contender that has a say, where the gain of one is significant on both sides and not numerical. Where none is, but something is left
-/// beyond doubt, one with a smaller gain that leaves nothing, or with one in few windows: of the `first` name only, for beside one that stands in for what
+/// beyond doubt, one with a smaller gain that leaves nothing: of the `first` name only, for beside one that stands in for what
 /// is there others take what it leaves.
 pub fn accept(
     study: &Study,
@@ -31,16 +30,12 @@ pub fn accept(
 ) -> Option<usize> {
     let accepted = leading(study, current, contenders).or_else(|| {
         let follows = |fitted: &Fitted| fitted.left(study).is_some();
-        let leaves = |fitted: &Fitted| is_unexplained(study, fitted) || follows(fitted);
-        if !(first && leaves(current)) {
+        if !(first && follows(current)) {
             return None;
         }
-        let (a_little, now_and_then) = (follows(current), is_unexplained(study, current));
         for contender in contenders.iter_mut() {
             let (compared, fitted) = (&contender.comparison, &contender.fitted);
-            if (a_little && compared.explains_a_little() && !follows(fitted))
-                || (now_and_then && compared.explains_now_and_then() && !leaves(fitted))
-            {
+            if compared.explains_a_little() && !follows(fitted) {
                 contender.standing = Standing::TakesAll;
             }
         }
@@ -174,7 +169,7 @@ fn is_numerically_sound(study: &Study, current: &Fitted, contender: &Contender) 
     let finer = Comparison::of(&again(&contender.fitted), &again(current));
     let nearly = match contender.standing {
         Standing::Usual => finer.nearly_explains(),
-        Standing::TakesAll => finer.explains_a_little() || finer.explains_now_and_then(),
+        Standing::TakesAll => finer.explains_a_little(),
         Standing::Slight | Standing::BesideSlight => finer.explains_slightly(),
     };
     (nearly || (contender.comparison.relieves() && finer.relieves()))

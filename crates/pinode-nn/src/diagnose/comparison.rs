@@ -39,10 +39,6 @@ const LEAST_GAIN: (f64, f64) = (0.05, 0.025);
 /// What takes away all that follows from anything may explain less by this factor.
 const LITTLE: f64 = 0.6;
 
-/// What strikes now and then decides so many of the seen windows and of those held out, all but this share of them for itself.
-const NOW_AND_THEN: [usize; 2] = [8, 3];
-const AGAINST: f64 = 0.1;
-
 /// What is slight explains the seen windows by so many standard errors and so many nats a sample.
 pub const SLIGHT: (f64, f64) = (1.5, 0.01);
 /// … and those held out by this share of that at least.
@@ -103,7 +99,7 @@ impl Comparison {
     /// Whether a law explains more than another that it contains, also where few windows make it: the gain is large enough on both sides, and as sure on both
     /// together as is the least of each. Those held out did not choose between the two, and are with the larger one.
     pub fn explains_more(&self) -> bool {
-        let (inside, outside) = (self.inside.skewed_z, self.outside.skewed_z);
+        let (inside, outside) = (self.inside.z, self.outside.z);
         let is_large = self.inside_gain > LEAST_GAIN.0 && self.outside_gain > LEAST_GAIN.1;
         let are_sure = inside.powi(2) + outside.powi(2) > LEAST_Z.0.powi(2) + LEAST_Z.1.powi(2);
         is_large && are_sure && inside > LEAST_Z_OF_BOTH && outside > BORNE_OUT_Z
@@ -111,20 +107,7 @@ impl Comparison {
 
     /// Whether it may explain more than that: then the data do not tell the two apart.
     pub fn may_explain_more(&self) -> bool {
-        let is_sure = self.inside.skewed_z > LEAST_Z_OF_BOTH;
-        self.nearly_explains() || (is_sure && self.has_nearly_the_gain())
-    }
-
-    /// Whether the gain is large enough on both sides, and all that decide are for it: what strikes in a few windows, in some of them hard, has a mean as
-    /// large as its scatter however sure it is.
-    pub fn explains_now_and_then(&self) -> bool {
-        let sides = [self.inside, self.outside].into_iter();
-        let are_for_it = |(side, least): (Paired, usize)| {
-            let [own, against] = side.decided;
-            own >= least && against as f64 <= AGAINST * own as f64
-        };
-        let is_large = self.inside_gain > LEAST_GAIN.0 && self.outside_gain > LEAST_GAIN.1;
-        is_large && sides.zip(NOW_AND_THEN).all(are_for_it)
+        self.inside.z > LEAST_Z_OF_BOTH && self.has_nearly_the_gain()
     }
 
     /// Whether both sides gain, the seen windows by enough for what is [`slight`](super::slight), and those held out by more than next to
@@ -186,10 +169,8 @@ mod tests {
     fn what_is_slight_is_borne_out_by_the_windows_held_out() {
         let paired = |z: f64, gain: f64| Paired {
             z,
-            skewed_z: z,
             gain,
             windows: 25,
-            decided: [0; 2],
         };
         let slight = |gain: f64, held_out: f64| Comparison {
             inside: paired(2.1, 40.0),
@@ -203,34 +184,6 @@ mod tests {
         assert!(!slight(1.43, 0.001).explains_slightly(), "they hardly move");
         assert!(!slight(0.02, f64::NAN).explains_slightly());
         assert!(slight(0.02, 0.003).leads_slightly());
-    }
-
-    #[test]
-    fn what_strikes_now_and_then_decides_the_windows_that_it_strikes() {
-        let with = |inside: [usize; 2], outside: [usize; 2], held_out: f64| {
-            let side = |decided| Paired {
-                z: 1.5,
-                skewed_z: 1.5,
-                gain: 900.0,
-                windows: 40,
-                decided,
-            };
-            Comparison {
-                inside: side(inside),
-                outside: side(outside),
-                inside_gain: 1.9,
-                outside_gain: held_out,
-                relief: 0.0,
-            }
-        };
-        assert!(with([12, 0], [4, 0], 0.9).explains_now_and_then());
-        assert!(with([12, 1], [3, 0], 0.9).explains_now_and_then());
-        assert!(!with([12, 2], [4, 0], 0.9).explains_now_and_then());
-        assert!(!with([12, 0], [4, 1], 0.9).explains_now_and_then());
-        assert!(!with([7, 0], [4, 0], 0.9).explains_now_and_then());
-        assert!(!with([12, 0], [2, 0], 0.9).explains_now_and_then());
-        assert!(!with([12, 0], [4, 0], 0.0).explains_now_and_then());
-        assert!(!with([12, 0], [4, 0], f64::NAN).explains_now_and_then());
     }
 
     #[test]

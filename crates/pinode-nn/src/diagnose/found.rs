@@ -397,10 +397,8 @@ mod tests {
     fn what_explains_and_relieves_more_is_told_first() {
         let windows = Paired {
             z: 9.0,
-            skewed_z: 9.0,
             gain: 0.0,
             windows: 75,
-            decided: [75, 0],
         };
         let named = |kind, gain, relief| Found {
             candidate: Candidate::named(kind, 0),
