@@ -14,7 +14,7 @@ use super::refine::{Contender, ITERATIONS, is_sensible, rank};
 use super::remainder::Remainder;
 use super::screen;
 use super::step::{
-    LEAST_T2, Report, Step, Turn, is_dear, is_second_choice, refine_dear, step_from,
+    LEAST_T2, Report, Step, Turn, is_dear, is_second_choice, may_rub, refine_dear, step_from,
 };
 use super::study::{Fitted, Study};
 use super::unseen_spring::unseen_spring;
@@ -247,8 +247,7 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
     }
     // What is found first may be a small part of what friction with a memory does.
     let simple = path.at.added.iter().all(|c| !is_second_choice(c.kind));
-    let left = path.at.current.hint(&path.at.study, false);
-    let rubs = left.is_some_and(Remainder::may_be_friction);
+    let rubs = may_rub(&path.at.study, &path.at.current, false);
     if !path.at.added.is_empty() && simple && rubs {
         report("asking for friction with a memory instead");
         let screened = screen::screen(study, &base, is_second_choice).ranked;

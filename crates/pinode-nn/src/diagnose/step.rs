@@ -66,6 +66,21 @@ pub fn is_second_choice(kind: &Kind) -> bool {
     kind.family == Family::Memory
 }
 
+/// Whether friction of any sort may be what a model is missing: what it leaves may be some; or follows from nothing, for of laws on a motion that sticks and slips
+/// chance roll-outs show no shape, and is loud where dry friction is known.
+pub fn may_rub(study: &Study, fitted: &Fitted, first: bool) -> bool {
+    let is_dry = |e: &Placed| e.kind.dry().is_some();
+    match fitted.hint(study, first) {
+        Some(left) => left.may_be_friction(),
+        None => is_loud(study, fitted) && fitted.hybrid.effects().iter().any(is_dry),
+    }
+}
+
+/// Whether a model leaves residuals far above the noise.
+fn is_loud(study: &Study, fitted: &Fitted) -> bool {
+    fitted.most_excess(study) > LOUD
+}
+
 /// What has states of its own takes many times the time of what has none: it is tried where that leaves something to explain.
 pub fn is_dear(kind: &Kind) -> bool {
     kind.states() > 0
@@ -132,7 +147,7 @@ fn one_step(
     if is_worth && turn != Turn::Aside {
         // Friction explains what nothing else does: beside a law that is accepted for what it explains it is asked in the end.
         let firm = step.accepted().is_some_and(|c| c.comparison.explains());
-        let friction = !firm && left.as_ref().is_some_and(Remainder::may_be_friction);
+        let friction = !firm && may_rub(study, looking.best(&step), looking.first);
         let is_asked = |kind: &Kind| !is_simple(kind) && (friction || !is_second_choice(kind));
         let dear = screen::screen(study, current, is_asked).ranked;
         looking.ask_the_dear(&screen, &dear, &mut step);
@@ -199,8 +214,7 @@ impl Looking<'_> {
 
     /// Whether the best model so far leaves residuals far above the noise.
     fn is_loud(&self, step: &Step) -> bool {
-        let excess = self.best(step).excess(&self.study.observations);
-        excess.iter().any(|&excess| excess > LOUD)
+        is_loud(self.study, self.best(step))
     }
 
     /// The number of samples in the seen windows.
