@@ -88,28 +88,33 @@ fn write_gap(out: &mut String, gap: &Gap) {
     }
     let _ = writeln!(
         out,
-        "\nfree runs of {} s over {} windows that no fit has seen, error in units of the sensor noise (from an estimated start, so even a perfect model shows more than 1):",
+        "\nfree runs of {} s over {} windows that no fit has seen, error in units of the sensor noise, and what a right model is expected to show from starts that are estimated as these are:",
         number(gap.horizon_s),
         gap.windows
     );
-    let mut rows = vec![["coordinate", "before", "after", "noise", "left"].map(str::to_owned)];
+    let mut rows =
+        vec![["coordinate", "before", "after", "right", "noise", "left"].map(str::to_owned)];
     for c in &gap.coordinates {
         let [noise, left] = [c.noise, c.after * c.noise].map(|x| with_unit(number(x), &c.unit));
         rows.push([
             c.name.clone(),
             number(c.before),
             number(c.after),
+            number(c.expected),
             noise,
             left,
         ]);
     }
     if gap.coordinates.len() > 1 {
-        let (before, after) = (number(gap.before), number(gap.after));
-        rows.push(["all".into(), before, after, String::new(), String::new()]);
+        let [before, after, right] = [gap.before, gap.after, gap.expected].map(number);
+        let none = String::new;
+        rows.push(["all".into(), before, after, right, none(), none()]);
     }
     let width = rows.iter().map(|r| r[0].chars().count()).max().unwrap_or(0);
-    for [name, before, after, noise, left] in &rows {
-        let line = format!("  {name:width$}  {before:>9}  {after:>9}  {noise:>14}  {left:>14}");
+    for [name, before, after, right, noise, left] in &rows {
+        let line = format!(
+            "  {name:width$}  {before:>9}  {after:>9}  {right:>9}  {noise:>14}  {left:>14}"
+        );
         let _ = writeln!(out, "{}", line.trim_end());
     }
 }

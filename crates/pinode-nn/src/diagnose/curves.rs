@@ -35,6 +35,8 @@ pub struct FreeRunCoordinate {
     pub before: Vec<f64>,
     /// By the new model; empty where it diverges.
     pub after: Vec<f64>,
+    /// By how much a right model errs because of its start, in units of the noise; empty where that is not known.
+    pub of_start: Vec<f64>,
     /// Whether the sample counts in errors: it is in the free part, and it was measured well.
     pub counts: Vec<bool>,
 }

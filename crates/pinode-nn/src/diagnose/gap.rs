@@ -2,6 +2,7 @@
 
 use super::audit::Masked;
 use super::curves::{FreeRun, FreeRunCoordinate};
+use super::start_errors::{Started, start_errors};
 use super::study::Study;
 use super::verdict::{CoordinateGap, Gap};
 use crate::hybrid::Hybrid;
@@ -29,15 +30,23 @@ pub fn free_runs(
     let lead = lead.max(FEWEST_LEADING as f64 * observations.typical_interval());
     let cut = held_out_windows(study, lead + horizon, shorter);
     let windows = masked.leave(cut, observations);
-    let runs_before = rolled(study, before, before_theta, &windows, lead);
-    let runs_after = rolled(study, after, after_theta, &windows, lead);
+    let leads: Vec<Window> = windows
+        .iter()
+        .map(|w| Window {
+            count: lead_samples(&observations.runs[w.run], w, lead),
+            ..*w
+        })
+        .collect();
+    let cut = (&windows[..], &leads[..]);
+    let (runs_before, _) = rolled(study, (before, before_theta), cut, false);
+    let (runs_after, errors) = rolled(study, (after, after_theta), cut, true);
 
     let nv = before.nv();
     let mut curves = Vec::new();
     for (i, window) in windows.iter().enumerate() {
         let run = &observations.runs[window.run];
         let span = window.first..window.first + window.count;
-        let leading = lead_samples(run, window, lead);
+        let leading = leads[i].count;
         let coordinate = |c: usize, roll: &Option<Vec<f64>>, theta: &[f64], hybrid: &Hybrid| {
             roll.as_ref().map_or_else(Vec::new, |states| {
                 let reading = hybrid.reading(c, theta, &[]);
@@ -57,6 +66,7 @@ pub fn free_runs(
                     measured: run.y[c][span.clone()].to_vec(),
                     before: coordinate(c, &runs_before[i], before_theta, before),
                     after: coordinate(c, &runs_after[i], after_theta, after),
+                    of_start: errors[i].as_ref().map_or_else(Vec::new, |of| of[c].clone()),
                     counts: valid.iter().enumerate().map(free).collect(),
                 };
                 continuous(curves, observations.channels[c].wraps)
@@ -91,6 +101,7 @@ pub fn gap(study: &Study, hybrid: &Hybrid, free_runs: &[FreeRun], horizon: f64) 
                 unit: coordinate.unit().into(),
                 before: measured(errors.before),
                 after: measured(errors.after),
+                expected: measured(errors.expected),
                 noise_floor: 1.0,
                 noise: channel.noise,
             }
@@ -109,6 +120,7 @@ pub fn gap(study: &Study, hybrid: &Hybrid, free_runs: &[FreeRun], horizon: f64) 
         windows: finite(free_runs),
         before: all(|c| c.before),
         after: all(|c| c.after),
+        expected: all(|c| c.expected),
         noise_floor: 1.0,
         horizons: Vec::new(),
         regions: Vec::new(),
@@ -135,6 +147,8 @@ pub struct Errors {
     pub before: f64,
     /// Of the new model.
     pub after: f64,
+    /// What it is expected to be of a right one: the noise, and what the error of the start makes of it.
+    pub expected: f64,
     /// Number of samples.
     pub samples: usize,
 }
@@ -147,7 +161,7 @@ impl Errors {
         noise: f64,
         keep: impl Fn(&FreeRun, usize) -> bool,
     ) -> Self {
-        let (mut before, mut after, mut samples) = (0.0, 0.0, 0_usize);
+        let (mut before, mut after, mut expected, mut samples) = (0.0, 0.0, 0.0, 0_usize);
         for run in free_runs {
             let coordinate = &run.coordinates[c];
             if !coordinate.is_finite() {
@@ -157,6 +171,8 @@ impl Errors {
                 if keep(run, k) {
                     before += (coordinate.measured[k] - coordinate.before[k]).powi(2);
                     after += (coordinate.measured[k] - coordinate.after[k]).powi(2);
+                    let of_start = coordinate.of_start.get(k).copied().unwrap_or(f64::NAN);
+                    expected += (1.0 + of_start.powi(2)) * noise.powi(2);
                     samples += 1;
                 }
             }
@@ -165,6 +181,7 @@ impl Errors {
         Errors {
             before: rms(before),
             after: rms(after),
+            expected: rms(expected),
             samples,
         }
     }
@@ -204,33 +221,29 @@ fn lead_samples(run: &ObservedRun, window: &Window, lead: f64) -> usize {
     within.clamp(fewest, (2 * window.count / 3).max(fewest))
 }
 
-/// States over each window: `None` where the roll-out diverges.
+/// By how much a right model errs because of its start, at each sample of each channel.
+type OfStart = Option<Vec<Vec<f64>>>;
+
+/// States over each window, from one that is fitted to the window's lead: `None` where the roll-out diverges; and what the errors of the starts do to them, where
+/// that is asked.
 fn rolled(
     study: &Study,
-    hybrid: &Hybrid,
-    theta: &[f64],
-    windows: &[Window],
-    lead: f64,
-) -> Vec<Option<Vec<f64>>> {
+    (hybrid, theta): (&Hybrid, &[f64]),
+    (windows, leads): (&[Window], &[Window]),
+    is_asked: bool,
+) -> (Vec<Option<Vec<f64>>>, Vec<OfStart>) {
     let observations = &study.observations;
-    let leads: Vec<Window> = windows
-        .iter()
-        .map(|w| Window {
-            count: lead_samples(&observations.runs[w.run], w, lead),
-            ..*w
-        })
-        .collect();
     let substeps = study.substeps_for(hybrid, theta);
     let paths = study.hidden_paths(hybrid, theta, substeps);
-    let hidden = study.hidden_prior(hybrid, (theta, true), &leads, &paths);
-    let measured = study.starts(hybrid, theta, &leads, None);
+    let hidden = study.hidden_prior(hybrid, (theta, true), leads, &paths);
+    let measured = study.starts(hybrid, theta, leads, None);
     let guess = |(state, h): (&Vec<f64>, &Vec<f64>)| [&state[..], h].concat();
     let guesses = measured.iter().zip(&hidden.means).map(guess).collect();
     let noise = observations.noise();
     let fitted = fit(
         hybrid,
         observations,
-        &leads,
+        leads,
         &[],
         theta.to_vec(),
         guesses,
@@ -248,18 +261,26 @@ fn rolled(
         .map(|run| run.drive(hybrid, substeps, theta, &[]))
         .collect();
     let mut roller = Roller::new(hybrid, &[]);
-    windows
-        .iter()
-        .zip(&fitted.states)
-        .map(|(window, state)| {
-            let mut out = Trajectory::default();
-            let span = (window.first, window.count);
-            roller
-                .roll(theta, &inputs[window.run], span, state, &mut out)
-                .ok()
-                .map(|()| out.states)
-        })
-        .collect()
+    let mut roll = |(window, state): (&Window, &Vec<f64>)| {
+        let mut out = Trajectory::default();
+        let span = (window.first, window.count);
+        roller
+            .roll(theta, &inputs[window.run], span, state, &mut out)
+            .ok()
+            .map(|()| out.states)
+    };
+    let rolls = windows.iter().zip(&fitted.states).map(&mut roll).collect();
+    let started = Started {
+        windows,
+        leads,
+        states: &fitted.states,
+        hidden: &hidden,
+    };
+    let errors = match is_asked {
+        true => start_errors((hybrid, theta), observations, &started, substeps),
+        false => Vec::new(),
+    };
+    (rolls, errors)
 }
 
 /// The same curves without jumps by whole turns, simulation beside measurement.

@@ -23,6 +23,7 @@ pub fn horizon(free_runs: &[FreeRun], gaps: &[CoordinateGap], horizon: f64) -> O
         diverged: free_runs.len() - finite(free_runs),
         before: overall(errors.iter().map(|e| e.before)),
         after: overall(errors.iter().map(|e| e.after)),
+        expected: overall(errors.iter().map(|e| e.expected)),
     })
 }
 
@@ -37,6 +38,7 @@ mod tests {
             unit: "m".into(),
             before: 0.0,
             after: 0.0,
+            expected: 1.0,
             noise_floor: 1.0,
             noise: 1e-3,
         }
@@ -52,6 +54,7 @@ mod tests {
                 measured: vec![0.0; t.len()],
                 before: t.iter().map(|t| 2e-3 * (t - 1.0)).collect(),
                 after: vec![1e-3; t.len()],
+                of_start: vec![0.75; t.len()],
                 counts: (0..t.len()).map(|k| k > 50).collect(),
             }],
             t,
@@ -70,6 +73,7 @@ mod tests {
         assert!((short.before - expected(10)).abs() < 1e-9, "{short:?}");
         assert!((long.before - expected(40)).abs() < 1e-9, "{long:?}");
         assert!((short.after - 1.0).abs() < 1e-9 && (long.after - 1.0).abs() < 1e-9);
+        assert!((long.expected - 1.25).abs() < 1e-9, "a noise and 3/4 more");
         assert_eq!((long.windows, long.diverged), (1, 0));
     }
 

@@ -74,9 +74,19 @@ const STILL: f64 = 0.15;
 /// is most of it: no model of a real drive comes down to what a fine encoder resolves.
 const ASTRAY: (f64, f64) = (50.0, 0.05);
 
+/// What is within so many times what a right model is expected to err by, started as they are, is no sign of a wrong one.
+const AS_EXPECTED: f64 = 2.0;
+
+/// Whether free runs err by more than the errors of their starts make.
+fn is_more_than_expected(gap: &Gap) -> bool {
+    // Where it is not known what is expected, all is more.
+    gap.after.is_nan() || gap.expected.is_nan() || gap.after > AS_EXPECTED * gap.expected
+}
+
 /// Whether free runs over the unseen part contradict a model that the seen one does not.
 pub fn is_contradicted(gap: &Gap) -> bool {
-    gap.after > FAR || (gap.after > WORSE.0 && gap.after > WORSE.1 * gap.before)
+    let is_far = gap.after > FAR || (gap.after > WORSE.0 && gap.after > WORSE.1 * gap.before);
+    is_far && is_more_than_expected(gap)
 }
 
 /// Whether they contradict one with something that was found, which leaves this share of the misfit of the windows.
@@ -85,8 +95,9 @@ pub fn is_not_all(gap: &Gap, windows_leave: f64) -> bool {
     let leave = gap.after / gap.before;
     // What diverges before and after leaves all.
     let is_more = |leave: f64, share: f64| leave.is_nan() || leave > share;
-    (gap.after > FAR && is_more(leave, STILL))
-        || (gap.after > astray && (is_more(leave, share) || is_more(windows_leave, share)))
+    let is_far = (gap.after > FAR && is_more(leave, STILL))
+        || (gap.after > astray && (is_more(leave, share) || is_more(windows_leave, share)));
+    is_far && is_more_than_expected(gap)
 }
 
 /// The share of the misfit of `null` that `model` leaves in its windows: 0 where it leaves what is within its limits.
@@ -122,6 +133,7 @@ mod tests {
             coordinates: Vec::new(),
             before,
             after,
+            expected: 3.0,
             noise_floor: 1.0,
             horizons: Vec::new(),
             regions: Vec::new(),

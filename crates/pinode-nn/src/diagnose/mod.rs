@@ -67,6 +67,7 @@ mod simplify;
 pub mod sketch;
 mod slight;
 pub(crate) mod smooth;
+mod start_errors;
 mod starts;
 mod step;
 mod step_length;

@@ -135,6 +135,7 @@ mod tests {
                 measured: vec![0.0; t.len()],
                 before: off.collect(),
                 after: vec![1e-3; t.len()],
+                of_start: vec![0.0; t.len()],
                 counts: vec![true; t.len()],
             }],
             t,
@@ -144,6 +145,7 @@ mod tests {
             unit: "m".into(),
             before: 0.0,
             after: 0.0,
+            expected: 1.0,
             noise_floor: 1.0,
             noise: 1e-3,
         };

@@ -498,9 +498,20 @@ impl Place {
         self.unstretch();
         self.sharpen();
         self.respread();
+        self.settle();
         let shorter = with_shorter_steps(&self.study, &self.current, &self.added, report);
         if let Some(shorter) = shorter {
             (self.study, self.current) = shorter;
+        }
+    }
+
+    /// What explicit steps do to a joint that sticks, where they are too long for it, is chance.
+    fn settle(&mut self) {
+        let current = &self.current;
+        if let Some(study) = self.study.at_rest(&current.hybrid, &current.inside.theta) {
+            let start = current.start(current.inside.theta.clone());
+            self.current = study.fit(current.hybrid.clone(), start, 1, ITERATIONS);
+            self.study = study;
         }
     }
 

@@ -20,6 +20,8 @@ const STEP_ERROR: f64 = 0.3;
 const AS_WELL: f64 = 0.1;
 /// A joint rests that is slower than so many times the speed over which its friction changes sign …
 const SLOW: f64 = 4.0;
+/// Runge-Kutta steps of order 4 follow what comes to rest at a rate of so many of them, real and negative (Hairer & Wanner, *Solving ODEs II*, IV.2: 2.785).
+const STABLE: f64 = 2.7;
 /// … and what rests, or is struck, in more than this part of the samples has no steps of its own there.
 const MOSTLY: f64 = 0.5;
 /// Where blows are, models with stops begin with so many times as many steps as are taken elsewhere at first: from samples no further from the end than what
@@ -177,10 +179,14 @@ impl Study {
         }
     }
 
-    /// The study with half of those steps that are too long for a fitted model to be rolled out to a part of these units, one a channel. `None` where none are,
+    /// The study with half of those steps that are too long for a fitted model to rest, or to be rolled out to a part of these units, one a channel. `None` where none are,
     /// or may be shorter.
     pub fn with_shorter_steps(&self, fitted: &Fitted, units: &[f64]) -> Option<Study> {
-        let substeps = self.substeps_for(&fitted.hybrid, &fitted.inside.theta);
+        let (hybrid, theta) = (&fitted.hybrid, &fitted.inside.theta);
+        if let Some(shorter) = self.at_rest(hybrid, theta) {
+            return Some(shorter);
+        }
+        let substeps = self.substeps_for(hybrid, theta);
         let (each, times) = (self.steps.substeps, self.steps.about_rests);
         // What has a memory or a stop may take more of them than all others: twice those.
         let doubled = 2 * substeps / self.finer;
@@ -206,6 +212,27 @@ impl Study {
             return Some(elsewhere);
         }
         Some(self.stepped(doubled, times))
+    }
+
+    /// Whether explicit steps about rests are too long for the dry friction of a model at θ. Beyond [`STABLE`] a joint that sticks goes to and fro in them within the range of speeds
+    /// over which its friction changes sign: that moves it by little, but what follows of it is chance, and derivatives of that grow beyond all measure.
+    fn is_restless(&self, hybrid: &Hybrid, theta: &[f64]) -> bool {
+        let finest = self.substeps_for(hybrid, theta) * self.steps.about_rests;
+        let rate = self.interval * hybrid.fastest_friction(theta);
+        !hybrid.is_stiff() && rate > STABLE * finest as f64 && 2 * finest <= MOST_SUBSTEPS
+    }
+
+    /// The study with steps about rests that are short enough for the dry friction of a model at θ; `None` where they are.
+    pub fn at_rest(&self, hybrid: &Hybrid, theta: &[f64]) -> Option<Study> {
+        let shorter = |study: &Study| {
+            let (each, times) = (study.steps.substeps, study.steps.about_rests);
+            let shorter = || match study.steps.rests.is_empty() {
+                true => study.stepped(2 * each, times),
+                false => study.stepped(each, 2 * times),
+            };
+            study.is_restless(hybrid, theta).then(shorter)
+        };
+        std::iter::successors(shorter(self), shorter).last()
     }
 
     /// The study with steps as short as they have to be for the same; `None` where it has them, or may have none that are shorter.

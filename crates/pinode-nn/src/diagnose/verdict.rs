@@ -212,7 +212,9 @@ pub struct Gap {
     pub before: f64,
     /// The same, after.
     pub after: f64,
-    /// The sensor noise itself: 1. Free runs start from an estimated state, so even a perfect model stays above it.
+    /// The same, as it is expected of a right model: free runs start from an estimated state, whose error grows along them.
+    pub expected: f64,
+    /// The sensor noise itself: 1.
     pub noise_floor: f64,
     /// The same for shorter and longer free runs, the shortest first.
     pub horizons: Vec<Horizon>,
@@ -233,6 +235,8 @@ pub struct Horizon {
     pub before: f64,
     /// The same, after.
     pub after: f64,
+    /// The same, as it is expected of a right model.
+    pub expected: f64,
 }
 
 /// Where the missing force of a coordinate is large, and the free-run errors of that coordinate there and elsewhere.
@@ -278,7 +282,9 @@ pub struct CoordinateGap {
     pub before: f64,
     /// After.
     pub after: f64,
-    /// The sensor noise itself: 1. Free runs start from an estimated state, so even a perfect model stays above it.
+    /// As it is expected of a right model: free runs start from an estimated state, whose error grows along them.
+    pub expected: f64,
+    /// The sensor noise itself: 1.
     pub noise_floor: f64,
     /// The measurement noise, in `unit`.
     pub noise: f64,

@@ -113,15 +113,18 @@ pub fn owed(study: &Study, fitted: &Fitted) -> Vec<f64> {
     owed
 }
 
-/// The fit of a model with some of its dry friction spread over so many times the speeds.
+/// The fit of a model with some of its dry friction spread over so many times the speeds, by steps that follow it at rest.
 fn spread(
     study: &Study,
     (from, factor): (&Fitted, f64),
     is_its: impl Fn(&Placed) -> bool,
     iterations: usize,
 ) -> Fitted {
-    let hybrid = from.hybrid.smoothed_by(factor, is_its);
-    study.fit(hybrid, from.start(from.inside.theta.clone()), 1, iterations)
+    let theta = &from.inside.theta;
+    let hybrid = from.hybrid.smoothed_by(factor, is_its).stepped_for(theta);
+    let at_rest = study.at_rest(&hybrid, theta);
+    let study = at_rest.as_ref().unwrap_or(study);
+    study.fit(hybrid, from.start(theta.clone()), 1, iterations)
 }
 
 /// Whether the sign of this dry friction of a fitted model changes within a small part of the speeds that its law knows, as is that of a hump at low speed, or within less of

@@ -32,7 +32,7 @@ impl Hybrid {
 
     /// The fastest rate of dry friction at rest where all coordinates are 0, −(M⁻¹)_jj ∂Q_j/∂v_j, 1/s; 0 where M has no inverse there, where a body
     /// floats and under constraints.
-    pub(super) fn fastest_friction(&self, theta: &[f64]) -> f64 {
+    pub(crate) fn fastest_friction(&self, theta: &[f64]) -> f64 {
         let n = self.nv();
         if self.nq() != n || self.mechanics.constraints().is_some() {
             return 0.0;
@@ -74,10 +74,16 @@ impl Hybrid {
 
     /// The model with the smoothing of all friction that may stick times `factor`, with implicit steps if it is too fast for others at θ.
     pub(crate) fn sharpened(&self, factor: f64, theta: &[f64]) -> Self {
-        let mut sharp = self.smoothed_by(factor, |placed| placed.kind.dry().is_some());
-        sharp.stiff |= sharp.fastest_friction(theta) > sharp.stiff_rate();
+        let sharp = self.smoothed_by(factor, |placed| placed.kind.dry().is_some());
+        let mut sharp = sharp.stepped_for(theta);
         sharp.sharpness.1 *= factor;
         sharp
+    }
+
+    /// The same with implicit steps if its dry friction is too fast for others at θ.
+    pub(crate) fn stepped_for(mut self, theta: &[f64]) -> Self {
+        self.stiff |= self.fastest_friction(theta) > self.stiff_rate();
+        self
     }
 
     /// The same with implicit steps or without, whatever its friction.

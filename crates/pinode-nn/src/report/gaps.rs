@@ -13,7 +13,7 @@ pub struct GapRow {
     pub name: String,
     pub before: String,
     pub after: String,
-    pub floor: String,
+    pub right: String,
     pub noise: String,
     pub left: String,
     pub total: bool,
@@ -25,6 +25,7 @@ pub struct HorizonRow {
     pub runs: String,
     pub before: String,
     pub after: String,
+    pub right: String,
 }
 
 /// The errors inside and outside of a region.
@@ -48,7 +49,7 @@ pub fn sentence(gap: &Gap) -> String {
         return "No free run was possible on data held out.".to_owned();
     }
     format!(
-        "Root-mean-square errors of {} free runs of {} s, each coordinate in units of its own sensor noise. Free runs start from an estimated state, so even a perfect model shows more than 1.",
+        "Root-mean-square errors of {} free runs of {} s, each coordinate in units of its own sensor noise. Free runs start from an estimated state, whose error grows along them: so much is expected of a right model.",
         gap.windows,
         short(gap.horizon_s)
     )
@@ -63,7 +64,7 @@ pub fn rows(gap: &Gap) -> Vec<GapRow> {
             name: c.name.strip_prefix("q.").unwrap_or(&c.name).to_owned(),
             before: number(c.before),
             after: number(c.after),
-            floor: short(c.noise_floor),
+            right: number(c.expected),
             noise: with_unit(number(c.noise), &c.unit),
             left: with_unit(number(c.after * c.noise), &c.unit),
             total: false,
@@ -74,7 +75,7 @@ pub fn rows(gap: &Gap) -> Vec<GapRow> {
             name: "all".to_owned(),
             before: number(gap.before),
             after: number(gap.after),
-            floor: short(gap.noise_floor),
+            right: number(gap.expected),
             noise: String::new(),
             left: String::new(),
             total: true,
@@ -93,6 +94,7 @@ pub fn horizons(gap: &Gap) -> Vec<HorizonRow> {
         },
         before: number(h.before),
         after: number(h.after),
+        right: number(h.expected),
     };
     gap.horizons.iter().map(row).collect()
 }
@@ -101,7 +103,11 @@ pub fn horizons(gap: &Gap) -> Vec<HorizonRow> {
 pub fn horizon_figure(gap: &Gap) -> Option<Figure> {
     let all = &gap.horizons;
     let drawable = |x: f64| x.is_finite() && x > 0.0;
-    if all.len() < 2 || !all.iter().all(|h| drawable(h.before) && drawable(h.after)) {
+    if all.len() < 2
+        || !all
+            .iter()
+            .all(|h| drawable(h.before) && drawable(h.after) && drawable(h.expected))
+    {
         return None;
     }
     let at: Vec<String> = all
@@ -123,8 +129,13 @@ pub fn horizon_figure(gap: &Gap) -> Option<Figure> {
     line("model as given", before, BEFORE, DashType::Dash);
     let after = all.iter().map(|h| h.after).collect();
     line("new model", after, AFTER, DashType::Solid);
-    let floor = vec![gap.noise_floor; all.len()];
-    line("sensor noise", floor, MEASURED, DashType::Dot);
+    let expected = all.iter().map(|h| h.expected).collect();
+    line(
+        "expected of a right model",
+        expected,
+        MEASURED,
+        DashType::Dot,
+    );
     let what = "error, times the sensor noise";
     let y = axis(what).type_(AxisType::Log).dtick(1.0);
     Some(Figure {

@@ -67,6 +67,7 @@ pub(super) fn diagnosis(slider: &str) -> Diagnosis {
         unit: unit.into(),
         before,
         after,
+        expected: 1.02,
         noise_floor: 1.0,
         noise,
     };
@@ -112,6 +113,7 @@ pub(super) fn diagnosis(slider: &str) -> Diagnosis {
             ],
             before: 12.3,
             after: 1.1,
+            expected: 1.02,
             noise_floor: 1.0,
             horizons: [(0.1, 2.13, 1.07), (0.6, 12.3, 1.1), (2.0, 47.9, 1.31)]
                 .map(|(horizon_s, before, after)| Horizon {
@@ -120,6 +122,7 @@ pub(super) fn diagnosis(slider: &str) -> Diagnosis {
                     diverged: usize::from(horizon_s > 1.0),
                     before,
                     after,
+                    expected: 1.0 + 0.03 * horizon_s,
                 })
                 .to_vec(),
             regions: vec![Region {
@@ -262,6 +265,7 @@ pub(super) fn curves(slider: &str) -> Curves {
                 .iter()
                 .map(|&t| 0.1 * (7.0 * t).sin() + away(t, 0.03 * by))
                 .collect(),
+            of_start: vec![0.2; t.len()],
             counts: t.iter().map(|&t| t > start).collect(),
         };
         FreeRun {
