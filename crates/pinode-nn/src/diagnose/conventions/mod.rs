@@ -41,6 +41,8 @@ const MOST_LEFT: f64 = 0.3;
 /// An input in other units leaves no more than this of anything. One leaves 0.005; a limit or a dead zone, beside which a smaller input does better
 /// too, 0.087 or more, and a gain of an eighth 0.022 as tenths.
 const LEFT_BY_A_UNIT: f64 = 0.02;
+/// The equations are against a way to read a log by which they leave so many times as much, squared, of all coordinates together.
+const AGAINST: f64 = 2.0;
 /// Two ways are as good within this factor.
 const AS_GOOD: f64 = 1.5;
 /// Two changes at once are tried where that is no more than so many fits.
@@ -255,6 +257,12 @@ fn meant(model: &Model, logs: &[Log], report: &dyn Fn(&str)) -> Meant {
         };
         change.iter().all(moves)
     });
+    // A model that falls over at once without the friction that it lacks runs away from a log that is read as it should be: the equations, moment by moment, do not.
+    let left_as_it_is = signs::left_over(&windows, model, &[]);
+    let are_for = |readings: &[Reading]| {
+        let left = left_as_it_is.zip(signs::left_over(&windows, model, readings));
+        left.is_none_or(|(as_it_is, so)| so < as_it_is + AGAINST.ln())
+    };
     let (mut readings, mut left): (Vec<Reading>, Vec<f64>) = (Vec::new(), given.clone());
     let mut others = Vec::new();
     while windows.worst(&left) > WELL {
@@ -275,7 +283,7 @@ fn meant(model: &Model, logs: &[Log], report: &dyn Fn(&str)) -> Meant {
             let pairs = singles.iter().enumerate().flat_map(pair).collect();
             tried = tried_ways(&windows, pairs);
         }
-        tried.retain(|t| explains_more(&windows, &left, t));
+        tried.retain(|t| explains_more(&windows, &left, t) && are_for(&t.readings));
         let score = |t: &Tried| windows.score(&t.left);
         let least = tried.iter().map(score).fold(f64::INFINITY, f64::min);
         tried.retain(|t| score(t) < least + AS_GOOD.ln());

@@ -8,7 +8,7 @@
 //!
 //! The signs and units of the inputs are those of βⱼ over the gain. What is left over of τᵢ, over the size of M q̈ and of the rest together, ranks the choices.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
 use super::needed::Needed;
 use super::reading::{Reading, Signal, unit_of_input};
@@ -28,16 +28,14 @@ const ALIKE: f64 = 1e-9;
 const SILENT: f64 = 1e-3;
 
 /// The ways to count that the equations speak for, the likeliest first: choices of signs of what moves, with the signs and units that the inputs have beside them.
-/// None where an input acts on a link, or loops are closed: what acts then is not the inputs' alone.
+/// None where an input acts on a link, or loops are closed.
 pub fn likely(windows: &Windows, model: &Model) -> Vec<Vec<Reading>> {
-    let on: Option<Vec<usize>> = model.inputs.iter().map(|i| i.coordinate()).collect();
     let n = model.mechanics.coordinates().len();
     let moving: Vec<usize> = (0..n).filter(|c| windows.moves(*c)).collect();
-    let is_open = model.mechanics.constraints().is_none();
-    let (Some(on), true) = (on, is_open && moving.len() <= MOST_COORDINATES) else {
+    let Some(on) = driven(model).filter(|_| moving.len() <= MOST_COORDINATES) else {
         return Vec::new();
     };
-    let samples = windows.smoothed();
+    let samples = windows.smoothed(&[]);
     if samples.is_empty() {
         return Vec::new();
     }
@@ -57,8 +55,8 @@ pub fn likely(windows: &Windows, model: &Model) -> Vec<Vec<Reading>> {
             let (mut left, mut readings) = (0.0, Vec::new());
             for (c, sign) in signs.into_iter().enumerate() {
                 readings.push(Reading::of(Signal::Coordinate(c), sign, 0.0));
-                let (part, factors) = makes[c].explain(&needed.forces[c]);
-                left += (part / needed.squares[c] + FLOOR * FLOOR).ln();
+                let (part, factors) = makes[c].explain(&needed, c);
+                left += part;
                 let inputs = makes[c].inputs.iter().zip(factors);
                 let heard = inputs.filter_map(|(&input, factor)| Some((input, factor?)));
                 readings.extend(heard.map(|(input, factor)| {
@@ -74,6 +72,24 @@ pub fn likely(windows: &Windows, model: &Model) -> Vec<Vec<Reading>> {
     ranked.sort_by(|(a, _), (b, _)| a.total_cmp(b));
     let likely = ranked.into_iter().take(LIKELY);
     likely.map(|(_, readings)| readings).collect()
+}
+
+/// Σ of the logarithms of what the equations leave over of the forces, squared, with the log read so: however soon a model runs away from its log, and by
+/// whatever friction it lacks. None where [`likely`] has none.
+pub fn left_over(windows: &Windows, model: &Model, readings: &[Reading]) -> Option<f64> {
+    let on = driven(model)?;
+    let samples = windows.smoothed(readings);
+    let n = model.mechanics.coordinates().len();
+    let needed = Needed::of(windows.hybrid(), &samples, &vec![1.0; n])?;
+    let of_coordinate = |c: usize| Makes::on(c, &on, &samples).explain(&needed, c).0;
+    Some((0..n).map(of_coordinate).sum()).filter(|left: &f64| left.is_finite())
+}
+
+/// The coordinates that the inputs act on; none where one acts on a link, or loops are closed: what acts then is not the inputs' alone.
+fn driven(model: &Model) -> Option<Vec<usize>> {
+    let is_open = model.mechanics.constraints().is_none();
+    let on = model.inputs.iter().map(|i| i.coordinate());
+    is_open.then(|| on.collect())?
 }
 
 /// What makes the force on a coordinate.
@@ -123,13 +139,16 @@ impl Makes {
         }
     }
 
-    /// Mean square of what is left of a force, and the factors of the inputs, of those that are heard.
-    fn explain(&self, force: &DVector<f64>) -> (f64, Vec<Option<f64>>) {
+    /// The logarithm of what is left over of the force on the coordinate, squared, and the factors of the inputs, of those that are heard.
+    fn explain(&self, needed: &Needed, coordinate: usize) -> (f64, Vec<Option<f64>>) {
+        let force = &needed.forces[coordinate];
         let factors = &self.inverse * force;
         let left = force - &self.columns * &factors;
+        let square = left.norm_squared() / force.len().max(1) as f64;
+        let part = square / needed.squares[coordinate];
         let factor = |k: usize| self.heard[k].then(|| factors[k] / self.norms[k]);
         (
-            left.norm_squared() / force.len().max(1) as f64,
+            (part + FLOOR * FLOOR).ln(),
             (0..self.inputs.len()).map(factor).collect(),
         )
     }

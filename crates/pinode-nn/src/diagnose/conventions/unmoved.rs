@@ -48,7 +48,7 @@ pub fn refuse_unmoved(model: &Model, logs: &[Log]) -> Result<(), Error> {
         return Ok(());
     };
     // The accelerations of what hardly moves are noise, and so are the forces that these take.
-    let mut samples = windows.smoothed();
+    let mut samples = windows.smoothed(&[]);
     for sample in &mut samples {
         let own = sample.a.iter_mut().enumerate();
         own.for_each(|(c, a)| *a *= f64::from(windows.moves(c)));

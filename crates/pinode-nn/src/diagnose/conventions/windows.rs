@@ -161,11 +161,11 @@ impl Windows {
         sizes.iter().enumerate().map(of_coordinate).collect()
     }
 
-    /// The windows' samples, smoothed, and half the smoothing apart: closer ones say much the same. Those near an end have too little around them.
-    pub fn smoothed(&self) -> Vec<Sample> {
+    /// The windows' samples, read so and smoothed, and half the smoothing apart: closer ones say much the same. Those near an end have too little around them.
+    pub fn smoothed(&self, readings: &[Reading]) -> Vec<Sample> {
         let mut samples = Vec::new();
-        for run in &self.runs {
-            let smoothed = smooth(&observed(run), &self.wraps, self.half_width);
+        for run in self.runs.iter().map(|run| read(readings, run)) {
+            let smoothed = smooth(&observed(&run), &self.wraps, self.half_width);
             let near = |k: usize| {
                 let from = run.t.partition_point(|t| *t < run.t[k] - self.half_width);
                 from..run.t.partition_point(|t| *t <= run.t[k] + self.half_width)
