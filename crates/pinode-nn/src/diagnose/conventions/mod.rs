@@ -42,7 +42,7 @@ const MOST_LEFT: f64 = 0.3;
 /// too, 0.087 or more, and a gain of an eighth 0.022 as tenths.
 const LEFT_BY_A_UNIT: f64 = 0.02;
 /// The equations are against a way to read a log by which they leave so many times as much, squared, of all coordinates together.
-const AGAINST: f64 = 2.0;
+const AGAINST: f64 = 1.1;
 /// Two ways are as good within this factor.
 const AS_GOOD: f64 = 1.5;
 /// Two changes at once are tried where that is no more than so many fits.
