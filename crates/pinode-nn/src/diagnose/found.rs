@@ -54,12 +54,12 @@ impl Found {
         left.map_or(1.0, |left| own / (own + left.gain))
     }
 
-    /// Calls it by the name of a law that its own contains: what spoke for either speaks for that.
-    pub fn rename(&mut self, simple: Candidate, rich: Candidate) {
-        let same = |c: &Candidate| *c == simple || *c == rich;
+    /// Calls it by the `name` of two that do the same or nearly, as of a law that contains the other: what spoke for either speaks for that.
+    pub fn rename(&mut self, name: Candidate, other: Candidate) {
+        let same = |c: &Candidate| *c == name || *c == other;
         let of_both = self.alternatives.iter().filter(|(c, _)| same(c));
         let more: f64 = of_both.map(|(_, confidence)| confidence).sum();
-        self.candidate = simple;
+        self.candidate = name;
         self.confidence = (self.confidence + more).min(SUREST);
         self.alternatives.retain(|(c, _)| !same(c));
         self.indistinguishable.retain(|c| !same(c));

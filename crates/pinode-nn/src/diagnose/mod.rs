@@ -38,6 +38,7 @@ mod horizons;
 mod idle;
 pub(crate) mod kept;
 mod last_resort;
+mod late_or_slow;
 mod late_rows;
 mod linear;
 mod locate;
@@ -91,6 +92,7 @@ use self::curves::Curves;
 use self::elsewhere::elsewhere;
 use self::kept::Kept;
 use self::last_resort::Resort;
+use self::late_or_slow::late_or_slow;
 use self::late_rows::searched;
 use self::proof::{Proof, Proved};
 use self::searched::{Ready, Searched};
@@ -215,7 +217,9 @@ pub(crate) fn diagnose_into(
     } = cleaned;
     let mut splits = experiment::splits(&search.study, &search, &names, report);
     let (mut study, mut coarse) = numerics::finer(&mut search, report);
-    if let Some(finer) = simplify::simplify(&study, &mut search, !coarse.is_empty(), report) {
+    let simple = simplify::simplify(&study, &mut search, !coarse.is_empty(), report);
+    let told = late_or_slow(simple.as_ref().unwrap_or(&study), &mut search, report);
+    if let Some(finer) = told.or(simple) {
         study = finer;
         let found = search.found.iter().map(|f| f.candidate);
         let found: Vec<Candidate> = found.collect();

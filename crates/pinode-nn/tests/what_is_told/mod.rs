@@ -8,6 +8,7 @@ mod coupled;
 mod exact;
 mod inertias;
 mod known;
+mod late_or_slow;
 mod paces;
 mod payload;
 mod pendulum;
