@@ -6,7 +6,7 @@ use super::comparison::Comparison;
 use super::confidence::DRAWS;
 use super::experiment::CLOSE;
 use super::refine::{
-    Contender, FIRST_LOOK, contender, is_imitated, is_sensible, polish, rank, refine_one,
+    Contender, FIRST_LOOK, contender, does_more, is_imitated, is_sensible, polish, rank, refine_one,
 };
 use super::released::{Instead, instead};
 use super::remainder::Remainder;
@@ -158,9 +158,12 @@ fn superfluous(
     if let Some((k, index)) = other.and_then(|k| Some((k, index(&added[k])?))) {
         return Some((k, without(study, null, current, index)));
     }
-    // What is alone was accepted as it is.
-    if added.len() < 2 {
-        return None;
+    // What is alone was accepted as it is; but where its constants may as well do nothing, what explains may be what its fit has moved of the others.
+    if let [only] = added {
+        let contained = only.contained(&null.hybrid, &null.inside.theta);
+        if does_more(study, only, current, &contained) {
+            return None;
+        }
     }
     let places = added.iter().enumerate();
     places

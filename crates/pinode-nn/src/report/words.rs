@@ -299,16 +299,20 @@ fn gap(gap: &Gap) -> Option<String> {
         return None;
     }
     let what = "Free-run error on unseen data";
+    let expected = match gap.expected.is_finite() {
+        true => format!("; {} are expected of a right model", number(gap.expected)),
+        false => String::new(),
+    };
     Some(if gap.before.is_infinite() && gap.after.is_infinite() {
         "Free runs on unseen data diverge.".to_owned()
     } else if gap.before.is_infinite() {
-        format!("Free runs on unseen data diverged; now their error is {after} {UNIT}.")
+        format!("Free runs on unseen data diverged; now their error is {after} {UNIT}{expected}.")
     } else if before == after {
-        format!("{what} is {after} {UNIT}.")
+        format!("{what} is {after} {UNIT}{expected}.")
     } else if gap.after < gap.before {
-        format!("{what} falls from {before} to {after} {UNIT}.")
+        format!("{what} falls from {before} to {after} {UNIT}{expected}.")
     } else {
-        format!("{what} rises from {before} to {after} {UNIT}.")
+        format!("{what} rises from {before} to {after} {UNIT}{expected}.")
     })
 }
 
