@@ -86,20 +86,20 @@ impl Comparison {
 
     /// Whether the gain is significant and large enough on both sides.
     pub fn explains(&self) -> bool {
-        let z = (self.inside.z, self.outside.z);
+        let z = (self.inside.z_in_reach(), self.outside.z);
         lacks(z, (self.inside_gain, self.outside_gain)).is_none()
     }
 
     /// Whether the gain is significant on both sides, and large enough for what leaves nothing.
     pub fn explains_a_little(&self) -> bool {
-        let z = (self.inside.z, self.outside.z);
+        let z = (self.inside.z_in_reach(), self.outside.z);
         lacks(z, (self.inside_gain / LITTLE, self.outside_gain / LITTLE)).is_none()
     }
 
     /// Whether a law explains more than another that it contains, also where few windows make it: the gain is large enough on both sides, and as sure on both
     /// together as is the least of each. Those held out did not choose between the two, and are with the larger one.
     pub fn explains_more(&self) -> bool {
-        let (inside, outside) = (self.inside.z, self.outside.z);
+        let (inside, outside) = (self.inside.z_in_reach(), self.outside.z);
         let is_large = self.inside_gain > LEAST_GAIN.0 && self.outside_gain > LEAST_GAIN.1;
         let are_sure = inside.powi(2) + outside.powi(2) > LEAST_Z.0.powi(2) + LEAST_Z.1.powi(2);
         is_large && are_sure && inside > LEAST_Z_OF_BOTH && outside > BORNE_OUT_Z
@@ -184,6 +184,25 @@ mod tests {
         assert!(!slight(1.43, 0.001).explains_slightly(), "they hardly move");
         assert!(!slight(0.02, f64::NAN).explains_slightly());
         assert!(slight(0.02, 0.003).leads_slightly());
+    }
+
+    #[test]
+    fn eight_windows_and_four_explain_where_all_of_them_do() {
+        let compared = |inside: Paired, outside: Paired| Comparison {
+            inside,
+            outside,
+            inside_gain: 1.0,
+            outside_gain: 1.0,
+            relief: 0.0,
+        };
+        let gains = |n: usize, lost: f64| {
+            let mut new = vec![5.0; n];
+            new[0] = lost;
+            super::paired(&new, &vec![0.0; n])
+        };
+        assert!(compared(gains(8, 4.0), gains(4, 4.0)).explains());
+        assert!(!compared(gains(8, -4.0), gains(4, 4.0)).explains());
+        assert!(!compared(gains(8, 4.0), gains(4, -4.0)).explains());
     }
 
     #[test]

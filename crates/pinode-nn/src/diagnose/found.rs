@@ -172,7 +172,10 @@ fn superfluous(
             let needed = Comparison::of(current, &reduced);
             let explains =
                 needed.inside.z > 3.0 && needed.outside.z > 1.5 && needed.inside_gain > 0.01;
-            let is_needed = explains || needed.relieves();
+            let is_needed = match added.len() {
+                1 => needed.total() > SAME,
+                _ => explains || needed.relieves(),
+            };
             (!is_needed).then_some((needed.total(), k, reduced))
         })
         .min_by(|a, b| a.0.total_cmp(&b.0))

@@ -161,7 +161,9 @@ impl Errors {
         noise: f64,
         keep: impl Fn(&FreeRun, usize) -> bool,
     ) -> Self {
-        let (mut before, mut after, mut expected, mut samples) = (0.0, 0.0, 0.0, 0_usize);
+        let (mut before, mut after, mut samples) = (0.0, 0.0, 0_usize);
+        // Of the samples of which it is known.
+        let (mut expected, mut known) = (0.0, 0_usize);
         for run in free_runs {
             let coordinate = &run.coordinates[c];
             if !coordinate.is_finite() {
@@ -171,8 +173,10 @@ impl Errors {
                 if keep(run, k) {
                     before += (coordinate.measured[k] - coordinate.before[k]).powi(2);
                     after += (coordinate.measured[k] - coordinate.after[k]).powi(2);
-                    let of_start = coordinate.of_start.get(k).copied().unwrap_or(f64::NAN);
-                    expected += (1.0 + of_start.powi(2)) * noise.powi(2);
+                    if let Some(of_start) = coordinate.of_start.get(k) {
+                        expected += 1.0 + of_start.powi(2);
+                        known += 1;
+                    }
                     samples += 1;
                 }
             }
@@ -181,7 +185,10 @@ impl Errors {
         Errors {
             before: rms(before),
             after: rms(after),
-            expected: rms(expected),
+            expected: match (known, samples) {
+                (0, 1..) => f64::NAN,
+                _ => (expected / known.max(1) as f64).sqrt(),
+            },
             samples,
         }
     }

@@ -3,14 +3,17 @@
 //! Within a sample u(t − T) and τ ẏ = u − y, τ = T, differ by how what arrives is spread over time, of which integration steps take the mean alone: over steps as long as the
 //! samples what that leaves out is more than what tells the two apart. With a quarter of the steps it is a sixteenth.
 
+use std::cell::LazyCell;
+
 use super::candidate::Candidate;
 use super::clock::LATE;
 use super::comparison::Comparison;
-use super::found::{SAME, position, stripped, without};
+use super::found::{SAME, in_order_of_contribution, position, stripped, without};
 use super::refine::is_sensible;
 use super::search::Search;
 use super::step::Report;
-use super::study::{Fitted, Study};
+use super::study::{Fitted, MOST_SUBSTEPS, Study};
+use super::twins::twins_of;
 use crate::effect::registry;
 use crate::hybrid::Placed;
 
@@ -18,6 +21,8 @@ use crate::hybrid::Placed;
 const NAMES: [&str; 2] = ["input_delay", "actuator_lag"];
 /// What is late by more samples than this is told from what is slow by any steps.
 const WITHIN: f64 = 1.5;
+/// So many times as many steps.
+const FINER: usize = 4;
 /// Iterations of a fit: of the name that was found, and of the other.
 const ITERATIONS: [usize; 2] = [6, 12];
 /// A lead of fewer standard errors on the seen windows is none.
@@ -30,8 +35,11 @@ pub fn late_or_slow(study: &Study, search: &mut Search, report: Report) -> Optio
     if search.pushed {
         return None;
     }
+    if FINER * search.model.substeps * study.steps.about_rests > MOST_SUBSTEPS {
+        return None;
+    }
     let mut changed = false;
-    let fine = study.with_half_the_steps().with_half_the_steps();
+    let fine = LazyCell::new(|| study.with_half_the_steps().with_half_the_steps());
     for k in 0..search.found.len() {
         let own = search.found[k].candidate;
         let Some((other, models)) = both(study, &fine, search, &own) else {
@@ -39,13 +47,14 @@ pub fn late_or_slow(study: &Study, search: &mut Search, report: Report) -> Optio
         };
         let [as_found, as_other] = models;
         let lead = Comparison::of(&as_other, &as_found);
-        let is_other = lead.total() > 0.0 && is_sensible(&fine, &other, &as_other);
-        let is_none = lead.total().abs() < SAME || lead.inside.z.abs() < SURE;
-        if !is_other && !is_none {
+        let is_itself = is_sensible(&fine, &other, &as_other);
+        let is_other = is_itself && lead.total() > 0.0;
+        let is_none = is_itself && (lead.total().abs() < SAME || lead.inside.z.abs() < SURE);
+        let found = &mut search.found[k];
+        if !is_other && !is_none && !found.indistinguishable.contains(&other) {
             continue;
         }
         changed = true;
-        let found = &mut search.found[k];
         let (name, model, rival, rivals_model) = match is_other {
             true => (other, as_other, own, as_found),
             false => (own, as_found, other, as_other),
@@ -57,10 +66,13 @@ pub fn late_or_slow(study: &Study, search: &mut Search, report: Report) -> Optio
             ));
         }
         found.rename(name, rival);
+        if is_other {
+            (found.instead, found.unseen_spring) = (None, None);
+        }
         if is_none {
             found.indistinguishable.push(rival);
             found.rivals.push((rival, rivals_model));
-        } else {
+        } else if !LATE.contains(&name.kind.name) {
             // A sensor that is late does what an input that is late does, and not what a slow one does.
             let is_late = |c: &Candidate| LATE.contains(&c.kind.name);
             found.indistinguishable.retain(|c| !is_late(c));
@@ -69,10 +81,17 @@ pub fn late_or_slow(study: &Study, search: &mut Search, report: Report) -> Optio
         if let Some(index) = position(&model, &name) {
             let reduced = without(&fine, &search.null, &model, index);
             found.comparison = Comparison::of(&model, &reduced);
+            let names: Vec<Candidate> = search.found.iter().map(|f| f.candidate).collect();
+            let twins = twins_of(&fine, &name, &names, (&model, &reduced));
+            let listed = &mut search.found[k].indistinguishable;
+            let new = twins.into_iter().filter(|twin| !listed.contains(twin));
+            let new: Vec<Candidate> = new.collect();
+            listed.extend(new);
         }
         search.refitted(&fine, model);
     }
-    changed.then_some(fine)
+    in_order_of_contribution(&mut search.found);
+    changed.then(|| fine.clone())
 }
 
 /// The other name of what was found, and the model with either, fitted with the shorter steps; `None` of what has no other, or is told from it by any steps.

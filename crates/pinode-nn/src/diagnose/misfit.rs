@@ -63,7 +63,7 @@ pub fn is_unexplained(study: &Study, fitted: &Fitted) -> bool {
 }
 
 /// Free runs that err by more noises than the first do not bear a model out, nor do those that err by more than the second and so many times
-/// as much as with the constants that were given. Starts that are estimated make 1 to 6 by themselves.
+/// as much as with the constants that were given, and by more than is expected of their starts.
 const FAR: f64 = 10.0;
 const WORSE: (f64, f64) = (5.0, 1.5);
 
@@ -133,7 +133,7 @@ mod tests {
             coordinates: Vec::new(),
             before,
             after,
-            expected: 3.0,
+            expected: 2.0,
             noise_floor: 1.0,
             horizons: Vec::new(),
             regions: Vec::new(),
@@ -153,6 +153,20 @@ mod tests {
             let said = is_contradicted(&gap(before, after));
             assert_eq!(said, contradicted, "{before} {after}");
         }
+    }
+
+    #[test]
+    fn what_is_expected_of_a_right_model_contradicts_none() {
+        let unstable = |after: f64, expected: f64| Gap {
+            expected,
+            ..gap(24.0, after)
+        };
+        assert!(!is_contradicted(&unstable(24.5, 22.9)));
+        assert!(!is_not_all(&unstable(24.5, 22.9), 0.5));
+        assert!(is_contradicted(&unstable(60.0, 22.9)));
+        // Where nothing is known of it the errors speak.
+        assert!(is_contradicted(&unstable(24.5, f64::NAN)));
+        assert!(is_not_all(&unstable(24.5, f64::NAN), 0.5));
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! How well a fitted model explains each window, and whether one explains them better than another.
 
+use std::f64::consts::LN_2;
+
 use crate::shooting::{Channel, Fit};
 
 /// Noise counts with this factor: a model that fits below it gains nothing more.
@@ -44,6 +46,17 @@ pub struct Paired {
     pub gain: f64,
     /// Number of windows compared.
     pub windows: usize,
+}
+
+/// Where all of so few windows are for one model that they could be no surer, they are as sure as this.
+const ALL: f64 = 4.4;
+
+impl Paired {
+    /// z, where there are so few windows that it cannot be [`ALL`] by that share of what it can be.
+    pub fn z_in_reach(&self) -> f64 {
+        let most = (2.0 * self.windows as f64 * LN_2).sqrt();
+        self.z * (ALL / most.max(f64::MIN_POSITIVE)).max(1.0)
+    }
 }
 
 /// Differences d_w = l_w(new) − l_w(old) and their sum. A window in which the new model diverges counts as a loss as large as the largest difference
@@ -107,7 +120,7 @@ fn sureness(differences: &[f64]) -> f64 {
     // t d − ln cosh t d = ln 2 − ln(1 + exp(−2 t d)), which overflows for none.
     let gained = |d: &f64| {
         let x = low * d;
-        (x - x.abs()) + std::f64::consts::LN_2 - (-2.0 * x.abs()).exp().ln_1p()
+        (x - x.abs()) + LN_2 - (-2.0 * x.abs()).exp().ln_1p()
     };
     let exponent: f64 = scaled.iter().map(gained).sum();
     sum.signum() * (2.0 * exponent).max(0.0).sqrt()

@@ -94,6 +94,8 @@ fn simpler(study: &Study, search: &Search, k: usize) -> Option<(Candidate, Study
         fits.into_iter().flatten().find_map(|(study, fitted)| {
             // What the other constants may have made up for.
             let fitted = respread(&study, &fitted, &[simple]).unwrap_or(fitted);
+            let at_rest = study.at_rest(&fitted.hybrid, &fitted.inside.theta);
+            let study = at_rest.unwrap_or(study);
             let lead = Comparison::of(model, &fitted);
             let earns = lead.explains() || lead.explains_more() || lead.relieves();
             let does = is_sensible(&study, &simple, &fitted) && !earns;

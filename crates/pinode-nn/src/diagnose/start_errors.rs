@@ -72,7 +72,12 @@ pub fn start_errors(
         for r in residuals() {
             fill(&r, &mut row);
             let row = DVector::from_column_slice(&row);
-            errors[r.channel][r.sample] = row.dot(&(&covariance * &row)).max(0.0).sqrt();
+            let square = row.dot(&(&covariance * &row));
+            // Of a start that its lead does not determine it is beyond all numbers.
+            errors[r.channel][r.sample] = match square.is_nan() {
+                true => f64::INFINITY,
+                false => square.max(0.0).sqrt(),
+            };
         }
         for (errors, most) in errors.iter_mut().zip(&most[window.run]) {
             for error in errors {

@@ -20,10 +20,10 @@ const STEP_ERROR: f64 = 0.3;
 const AS_WELL: f64 = 0.1;
 /// A joint rests that is slower than so many times the speed over which its friction changes sign …
 const SLOW: f64 = 4.0;
-/// Runge-Kutta steps of order 4 follow what comes to rest at a rate of so many of them, real and negative (Hairer & Wanner, *Solving ODEs II*, IV.2: 2.785).
-const STABLE: f64 = 2.7;
 /// … and what rests, or is struck, in more than this part of the samples has no steps of its own there.
 const MOSTLY: f64 = 0.5;
+/// Runge-Kutta steps of order 4 follow what comes to rest at a rate of so many of them (Hairer & Wanner, *Solving ODEs II*, IV.2: 2.785).
+const STABLE: f64 = 2.7;
 /// Where blows are, models with stops begin with so many times as many steps as are taken elsewhere at first: from samples no further from the end than what
 /// strikes it goes in so many intervals, and so many times the noise.
 const ABOUT_BLOWS: usize = 8;
@@ -219,10 +219,11 @@ impl Study {
     fn is_restless(&self, hybrid: &Hybrid, theta: &[f64]) -> bool {
         let finest = self.substeps_for(hybrid, theta) * self.steps.about_rests;
         let rate = self.interval * hybrid.fastest_friction(theta);
-        !hybrid.is_stiff() && rate > STABLE * finest as f64 && 2 * finest <= MOST_SUBSTEPS
+        let is_too_fast = rate > STABLE * MOST_SUBSTEPS as f64;
+        !hybrid.is_stiff() && rate > STABLE * finest as f64 && !is_too_fast
     }
 
-    /// The study with steps about rests that are short enough for the dry friction of a model at θ; `None` where they are.
+    /// The study with steps about rests that are short enough for the dry friction of a model at θ; `None` where they are, and where none would be.
     pub fn at_rest(&self, hybrid: &Hybrid, theta: &[f64]) -> Option<Study> {
         let shorter = |study: &Study| {
             let (each, times) = (study.steps.substeps, study.steps.about_rests);

@@ -179,7 +179,7 @@ pub struct Payload {
 /// Paired differences of the windows' log-likelihoods.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Evidence {
-    /// Mean difference over its standard error, windows that the fit saw.
+    /// How sure the sign of their sum is, in standard errors, in the windows that the fit saw.
     pub z_fit: f64,
     /// The same on windows it did not see.
     pub z_held_out: f64,

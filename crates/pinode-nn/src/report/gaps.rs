@@ -103,11 +103,7 @@ pub fn horizons(gap: &Gap) -> Vec<HorizonRow> {
 pub fn horizon_figure(gap: &Gap) -> Option<Figure> {
     let all = &gap.horizons;
     let drawable = |x: f64| x.is_finite() && x > 0.0;
-    if all.len() < 2
-        || !all
-            .iter()
-            .all(|h| drawable(h.before) && drawable(h.after) && drawable(h.expected))
-    {
+    if all.len() < 2 || !all.iter().all(|h| drawable(h.before) && drawable(h.after)) {
         return None;
     }
     let at: Vec<String> = all
@@ -129,13 +125,15 @@ pub fn horizon_figure(gap: &Gap) -> Option<Figure> {
     line("model as given", before, BEFORE, DashType::Dash);
     let after = all.iter().map(|h| h.after).collect();
     line("new model", after, AFTER, DashType::Solid);
-    let expected = all.iter().map(|h| h.expected).collect();
-    line(
-        "expected of a right model",
-        expected,
-        MEASURED,
-        DashType::Dot,
-    );
+    if all.iter().all(|h| drawable(h.expected)) {
+        let expected = all.iter().map(|h| h.expected).collect();
+        line(
+            "expected of a right model",
+            expected,
+            MEASURED,
+            DashType::Dot,
+        );
+    }
     let what = "error, times the sensor noise";
     let y = axis(what).type_(AxisType::Log).dtick(1.0);
     Some(Figure {

@@ -18,6 +18,7 @@ mod unmoved;
 mod windows;
 
 use std::borrow::Cow;
+use std::cell::LazyCell;
 
 use rayon::prelude::*;
 
@@ -258,7 +259,7 @@ fn meant(model: &Model, logs: &[Log], report: &dyn Fn(&str)) -> Meant {
         change.iter().all(moves)
     });
     // A model that falls over at once without the friction that it lacks runs away from a log that is read as it should be: the equations, moment by moment, do not.
-    let left_as_it_is = signs::left_over(&windows, model, &[]);
+    let left_as_it_is = LazyCell::new(|| signs::left_over(&windows, model, &[]));
     let are_for = |readings: &[Reading]| {
         let left = left_as_it_is.zip(signs::left_over(&windows, model, readings));
         left.is_none_or(|(as_it_is, so)| so < as_it_is + AGAINST.ln())

@@ -75,10 +75,13 @@ pub fn likely(windows: &Windows, model: &Model) -> Vec<Vec<Reading>> {
 }
 
 /// Σ of the logarithms of what the equations leave over of the forces, squared, with the log read so: however soon a model runs away from its log, and by
-/// whatever friction it lacks. None where [`likely`] has none.
+/// whatever friction it lacks. None where an input acts on a link, where loops are closed and where there is too little of the log.
 pub fn left_over(windows: &Windows, model: &Model, readings: &[Reading]) -> Option<f64> {
     let on = driven(model)?;
     let samples = windows.smoothed(readings);
+    if samples.is_empty() {
+        return None;
+    }
     let n = model.mechanics.coordinates().len();
     let needed = Needed::of(windows.hybrid(), &samples, &vec![1.0; n])?;
     let of_coordinate = |c: usize| Makes::on(c, &on, &samples).explain(&needed, c).0;

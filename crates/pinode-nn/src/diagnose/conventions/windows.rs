@@ -103,8 +103,7 @@ impl Windows {
 
     fn left(&self, readings: &[Reading], free: &[usize], (alone, all): (usize, usize)) -> Vec<f64> {
         let hybrid = &self.hybrid;
-        let time = readings.iter().find(|r| r.signal == Signal::Time);
-        let second = time.map_or(1.0, |time| time.scale);
+        let second = second(readings);
         let runs = self.runs.iter().map(|run| read(readings, run));
         let runs: Vec<Run> = runs.collect();
         let sizes = self.wraps.iter().enumerate();
@@ -163,23 +162,24 @@ impl Windows {
 
     /// The windows' samples, read so and smoothed, and half the smoothing apart: closer ones say much the same. Those near an end have too little around them.
     pub fn smoothed(&self, readings: &[Reading]) -> Vec<Sample> {
+        let half_width = second(readings) * self.half_width;
         let mut samples = Vec::new();
         for run in self.runs.iter().map(|run| read(readings, run)) {
-            let smoothed = smooth(&observed(&run), &self.wraps, self.half_width);
+            let smoothed = smooth(&observed(&run), &self.wraps, half_width);
             let near = |k: usize| {
-                let from = run.t.partition_point(|t| *t < run.t[k] - self.half_width);
-                from..run.t.partition_point(|t| *t <= run.t[k] + self.half_width)
+                let from = run.t.partition_point(|t| *t < run.t[k] - half_width);
+                from..run.t.partition_point(|t| *t <= run.t[k] + half_width)
             };
             let at = |columns: &[Vec<f64>], k: usize| columns.iter().map(|c| c[k]).collect();
             let (Some(first), Some(last)) = (run.t.first(), run.t.last()) else {
                 continue;
             };
-            let mut next = first + 0.5 * self.half_width;
+            let mut next = first + 0.5 * half_width;
             for k in 0..run.t.len() {
-                if run.t[k] < next || run.t[k] > last - 0.5 * self.half_width {
+                if run.t[k] < next || run.t[k] > last - 0.5 * half_width {
                     continue;
                 }
-                next = run.t[k] + 0.5 * self.half_width;
+                next = run.t[k] + 0.5 * half_width;
                 let mean = |u: &Vec<f64>| u[near(k)].iter().sum::<f64>() / near(k).len() as f64;
                 samples.push(Sample {
                     q: at(&smoothed.q, k),
@@ -222,6 +222,12 @@ pub struct Sample {
     pub a: Vec<f64>,
     /// The inputs, smoothed as the accelerations are.
     pub u: Vec<f64>,
+}
+
+/// How long a second of the log is where it is read so, s.
+fn second(readings: &[Reading]) -> f64 {
+    let time = readings.iter().find(|r| r.signal == Signal::Time);
+    time.map_or(1.0, |time| time.scale)
 }
 
 /// The sizes of a coordinate in the windows.
