@@ -88,12 +88,12 @@ fn write_gap(out: &mut String, gap: &Gap) {
     }
     let _ = writeln!(
         out,
-        "\nfree runs of {} s over {} windows that no fit has seen, error in units of the sensor noise, and what a right model is expected to show from starts that are estimated as these are:",
+        "\nfree runs of {} s over {} windows that no fit has seen, error in units of the sensor noise, and what the noise and the uncertain starts make of it by themselves:",
         number(gap.horizon_s),
         gap.windows
     );
     let mut rows =
-        vec![["coordinate", "before", "after", "right", "noise", "left"].map(str::to_owned)];
+        vec![["coordinate", "before", "after", "starts", "noise", "left"].map(str::to_owned)];
     for c in &gap.coordinates {
         let [noise, left] = [c.noise, c.after * c.noise].map(|x| with_unit(number(x), &c.unit));
         rows.push([
@@ -106,14 +106,14 @@ fn write_gap(out: &mut String, gap: &Gap) {
         ]);
     }
     if gap.coordinates.len() > 1 {
-        let [before, after, right] = [gap.before, gap.after, gap.expected].map(number);
+        let [before, after, starts] = [gap.before, gap.after, gap.expected].map(number);
         let none = String::new;
-        rows.push(["all".into(), before, after, right, none(), none()]);
+        rows.push(["all".into(), before, after, starts, none(), none()]);
     }
     let width = rows.iter().map(|r| r[0].chars().count()).max().unwrap_or(0);
-    for [name, before, after, right, noise, left] in &rows {
+    for [name, before, after, starts, noise, left] in &rows {
         let line = format!(
-            "  {name:width$}  {before:>9}  {after:>9}  {right:>9}  {noise:>14}  {left:>14}"
+            "  {name:width$}  {before:>9}  {after:>9}  {starts:>9}  {noise:>14}  {left:>14}"
         );
         let _ = writeln!(out, "{}", line.trim_end());
     }

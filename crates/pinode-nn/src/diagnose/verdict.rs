@@ -212,7 +212,7 @@ pub struct Gap {
     pub before: f64,
     /// The same, after.
     pub after: f64,
-    /// The same, as it is expected of a right model: free runs start from an estimated state, whose error grows along them.
+    /// The same, as the noise and the errors of the estimated starts make it of a right model, to first order: more where it sticks and slips.
     pub expected: f64,
     /// The sensor noise itself: 1.
     pub noise_floor: f64,
@@ -235,7 +235,7 @@ pub struct Horizon {
     pub before: f64,
     /// The same, after.
     pub after: f64,
-    /// The same, as it is expected of a right model.
+    /// The same, as the noise and the errors of the starts make it.
     pub expected: f64,
 }
 
@@ -282,7 +282,7 @@ pub struct CoordinateGap {
     pub before: f64,
     /// After.
     pub after: f64,
-    /// As it is expected of a right model: free runs start from an estimated state, whose error grows along them.
+    /// As the noise and the errors of the estimated starts make it of a right model, to first order: more where it sticks and slips.
     pub expected: f64,
     /// The sensor noise itself: 1.
     pub noise_floor: f64,

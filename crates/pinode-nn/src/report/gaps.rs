@@ -13,7 +13,7 @@ pub struct GapRow {
     pub name: String,
     pub before: String,
     pub after: String,
-    pub right: String,
+    pub starts: String,
     pub noise: String,
     pub left: String,
     pub total: bool,
@@ -25,7 +25,7 @@ pub struct HorizonRow {
     pub runs: String,
     pub before: String,
     pub after: String,
-    pub right: String,
+    pub starts: String,
 }
 
 /// The errors inside and outside of a region.
@@ -49,7 +49,7 @@ pub fn sentence(gap: &Gap) -> String {
         return "No free run was possible on data held out.".to_owned();
     }
     format!(
-        "Root-mean-square errors of {} free runs of {} s, each coordinate in units of its own sensor noise. Free runs start from an estimated state, whose error grows along them: so much is expected of a right model.",
+        "Root-mean-square errors of {} free runs of {} s, each coordinate in units of its own sensor noise. Free runs start from an estimated state, whose error grows along them: so much the noise and the uncertain starts make by themselves, to first order.",
         gap.windows,
         short(gap.horizon_s)
     )
@@ -64,7 +64,7 @@ pub fn rows(gap: &Gap) -> Vec<GapRow> {
             name: c.name.strip_prefix("q.").unwrap_or(&c.name).to_owned(),
             before: number(c.before),
             after: number(c.after),
-            right: number(c.expected),
+            starts: number(c.expected),
             noise: with_unit(number(c.noise), &c.unit),
             left: with_unit(number(c.after * c.noise), &c.unit),
             total: false,
@@ -75,7 +75,7 @@ pub fn rows(gap: &Gap) -> Vec<GapRow> {
             name: "all".to_owned(),
             before: number(gap.before),
             after: number(gap.after),
-            right: number(gap.expected),
+            starts: number(gap.expected),
             noise: String::new(),
             left: String::new(),
             total: true,
@@ -94,7 +94,7 @@ pub fn horizons(gap: &Gap) -> Vec<HorizonRow> {
         },
         before: number(h.before),
         after: number(h.after),
-        right: number(h.expected),
+        starts: number(h.expected),
     };
     gap.horizons.iter().map(row).collect()
 }
@@ -127,12 +127,7 @@ pub fn horizon_figure(gap: &Gap) -> Option<Figure> {
     line("new model", after, AFTER, DashType::Solid);
     if all.iter().all(|h| drawable(h.expected)) {
         let expected = all.iter().map(|h| h.expected).collect();
-        line(
-            "expected of a right model",
-            expected,
-            MEASURED,
-            DashType::Dot,
-        );
+        line("noise and starts alone", expected, MEASURED, DashType::Dot);
     }
     let what = "error, times the sensor noise";
     let y = axis(what).type_(AxisType::Log).dtick(1.0);

@@ -359,7 +359,7 @@ fn the_report_says_the_verdict_and_everything_it_rests_on() {
     let (_, own) = written(&diagnosis("slider"), &curves("slider"));
     for said in [
         "Coulomb friction on `slider` is missing: 0.312 ± 0.010 N (98 % for it or asymmetric Coulomb friction on `slider`). \
-         Free-run error on unseen data falls from 12.3 to 1.10 times the sensor noise; 1.02 are expected of a right model.",
+         Free-run error on unseen data falls from 12.3 to 1.10 times the sensor noise; the noise and the uncertain starts alone make 1.02.",
         "asymmetric Coulomb friction on slider",
         "follows the velocity of slider (83 % of its variance)",
         "97 % of the disagreement",
@@ -543,7 +543,7 @@ fn every_verdict_is_a_sentence() {
     d.gap.after = 1.02;
     assert_eq!(
         verdict_in_words(&d),
-        "Nothing is missing: the model explains the data. Free-run error on unseen data is 1.02 times the sensor noise; 1.02 are expected of a right model."
+        "Nothing is missing: the model explains the data. Free-run error on unseen data is 1.02 times the sensor noise; the noise and the uncertain starts alone make 1.02."
     );
     // Of a log that does not leave the noise of its sensors nothing is said.
     let noise = d.gap.coordinates[0].noise;

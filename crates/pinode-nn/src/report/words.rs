@@ -300,7 +300,10 @@ fn gap(gap: &Gap) -> Option<String> {
     }
     let what = "Free-run error on unseen data";
     let expected = match gap.expected.is_finite() {
-        true => format!("; {} are expected of a right model", number(gap.expected)),
+        true => format!(
+            "; the noise and the uncertain starts alone make {}",
+            number(gap.expected)
+        ),
         false => String::new(),
     };
     Some(if gap.before.is_infinite() && gap.after.is_infinite() {
