@@ -1,7 +1,7 @@
 //! What the part that is held out cannot bear out: a name for what moves a coordinate that hardly moves there.
 
 use super::candidate::Candidate;
-use super::comparison::{Lack, lacks};
+use super::comparison::Lack;
 use super::search::Search;
 use super::study::Study;
 use crate::effect::ActsOn;
@@ -28,10 +28,8 @@ pub struct Unborne {
 pub fn unborne(study: &Study, search: &Search) -> Option<Unborne> {
     let contenders = &search.steps.last()?.contenders;
     let mut explaining = contenders.iter().filter(|c| {
-        let compared = &c.comparison;
-        let z = (compared.inside.z, compared.outside.z);
-        let gain = (compared.inside_gain, compared.outside_gain);
-        c.is_sensible && z.1 > CONTRADICTED && lacks(z, gain) == Some(Lack::GainHeldOut)
+        let (compared, held_out) = (&c.comparison, c.comparison.outside.z);
+        c.is_sensible && held_out > CONTRADICTED && compared.lacks() == Some(Lack::GainHeldOut)
     });
     explaining.find_map(|c| {
         let [candidate] = c.added[..] else {

@@ -84,10 +84,15 @@ impl Comparison {
         }
     }
 
+    /// What it lacks of a gain that is significant and large enough on both sides.
+    pub fn lacks(&self) -> Option<Lack> {
+        let z = (self.inside.z_in_reach(), self.outside.z);
+        lacks(z, (self.inside_gain, self.outside_gain))
+    }
+
     /// Whether the gain is significant and large enough on both sides.
     pub fn explains(&self) -> bool {
-        let z = (self.inside.z_in_reach(), self.outside.z);
-        lacks(z, (self.inside_gain, self.outside_gain)).is_none()
+        self.lacks().is_none()
     }
 
     /// Whether the gain is significant on both sides, and large enough for what leaves nothing.

@@ -1,7 +1,7 @@
 //! What the part that is held out contradicts: a name for what the seen windows lack whose constant is another one there.
 
 use super::candidate::Candidate;
-use super::comparison::{Lack, lacks};
+use super::comparison::Lack;
 use super::refine::{Contender, ITERATIONS};
 use super::search::Search;
 use super::study::{Fitted, Study};
@@ -27,10 +27,7 @@ pub struct Elsewhere {
 pub fn elsewhere(study: &Study, search: &Search) -> Option<Elsewhere> {
     let contenders = search.steps.iter().flat_map(|step| &step.contenders);
     let explaining = contenders.filter(|c| {
-        let compared = &c.comparison;
-        let z = (compared.inside.z, compared.outside.z);
-        let gain = (compared.inside_gain, compared.outside_gain);
-        c.is_sensible && c.added.len() == 1 && lacks(z, gain) != Some(Lack::Gain)
+        c.is_sensible && c.added.len() == 1 && c.comparison.lacks() != Some(Lack::Gain)
     });
     let gain = |c: &&Contender| c.comparison.inside.gain;
     let best = explaining.max_by(|a, b| gain(a).total_cmp(&gain(b)))?;

@@ -399,6 +399,21 @@ mod tests {
         }
     }
 
+    /// A gain of −0.001 ± 0.010 had been the only name of a log whose known friction the same fit had doubled.
+    #[test]
+    fn a_single_name_that_does_nothing_is_dropped_and_one_that_does_something_stays() {
+        let viscous = Candidate::named("viscous_friction", 0);
+        for (damping, coefficient) in [(0.8, 0.8), (0.0, 1e-5)] {
+            let (_dir, Prepared { study, null, .. }) = prepared_with(0.0, damping);
+            let (hybrid, theta) = viscous.place(&null.hybrid, &null.inside.theta, &[coefficient]);
+            let mut current = study.fit(hybrid, null.start(theta), 1, 0);
+            assert!(is_sensible(&study, &viscous, &current), "{coefficient}");
+            let mut added = vec![viscous];
+            prune(&study, &null, &mut current, &mut added, &|_| {});
+            assert_eq!(added.is_empty(), damping == 0.0, "{coefficient}");
+        }
+    }
+
     #[test]
     fn what_explains_and_relieves_more_is_told_first() {
         let windows = Paired {

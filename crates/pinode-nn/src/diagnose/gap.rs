@@ -147,7 +147,7 @@ pub struct Errors {
     pub before: f64,
     /// Of the new model.
     pub after: f64,
-    /// What it is expected to be of a right one: the noise, and what the error of the start makes of it.
+    /// What the noise and the error of the start make of a right one, to first order; NaN where that is known of no sample.
     pub expected: f64,
     /// Number of samples.
     pub samples: usize,
@@ -228,7 +228,7 @@ fn lead_samples(run: &ObservedRun, window: &Window, lead: f64) -> usize {
     within.clamp(fewest, (2 * window.count / 3).max(fewest))
 }
 
-/// By how much a right model errs because of its start, at each sample of each channel.
+/// By how much a right model errs because of its start, at each sample of each channel, in units of the noise.
 type OfStart = Option<Vec<Vec<f64>>>;
 
 /// States over each window, from one that is fitted to the window's lead: `None` where the roll-out diverges; and what the errors of the starts do to them, where

@@ -32,10 +32,8 @@ const SURE: f64 = 2.0;
 /// its name, and the other one may be as well where the lead is none. The study with these steps; `None` where nothing changes.
 pub fn late_or_slow(study: &Study, search: &mut Search, report: Report) -> Option<Study> {
     // Without the pushes that it was found beside its constants mean nothing.
-    if search.pushed {
-        return None;
-    }
-    if FINER * search.model.substeps * study.steps.about_rests > MOST_SUBSTEPS {
+    let finest = FINER * search.model.substeps * study.steps.about_rests;
+    if search.pushed || finest > MOST_SUBSTEPS {
         return None;
     }
     let mut changed = false;
@@ -90,8 +88,11 @@ pub fn late_or_slow(study: &Study, search: &mut Search, report: Report) -> Optio
         }
         search.refitted(&fine, model);
     }
+    if !changed {
+        return None;
+    }
     in_order_of_contribution(&mut search.found);
-    changed.then(|| fine.clone())
+    Some(fine.clone())
 }
 
 /// The other name of what was found, and the model with either, fitted with the shorter steps; `None` of what has no other, or is told from it by any steps.

@@ -74,7 +74,7 @@ const STILL: f64 = 0.15;
 /// is most of it: no model of a real drive comes down to what a fine encoder resolves.
 const ASTRAY: (f64, f64) = (50.0, 0.05);
 
-/// What is within so many times what a right model is expected to err by, started as they are, is no sign of a wrong one.
+/// What is within so many times what the noise and their starts make of a right model, to first order, is no sign of a wrong one.
 const AS_EXPECTED: f64 = 2.0;
 
 /// Whether free runs err by more than the errors of their starts make.

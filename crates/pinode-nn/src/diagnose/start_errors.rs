@@ -26,7 +26,7 @@ pub struct Started<'a> {
 }
 
 /// By how much a right model errs at each sample of each channel because of its start, in units of the channel's noise, for each window; 0 where nothing is read, and
-/// no more than two moments of the motion differ by. None where the roll-out diverges or its leading samples do not determine the start.
+/// no more than two moments of the motion differ by. None where the roll-out diverges.
 pub fn start_errors(
     (hybrid, theta): (&Hybrid, &[f64]),
     observations: &Observations,

@@ -66,8 +66,8 @@ pub fn is_second_choice(kind: &Kind) -> bool {
     kind.family == Family::Memory
 }
 
-/// Whether friction of any sort may be what a model is missing: what it leaves may be some; or follows from nothing, for of laws on a motion that sticks and slips
-/// chance roll-outs show no shape, and is loud where dry friction is known.
+/// Whether friction of any sort may be what a model is missing: what it leaves may be some. So may what follows from nothing and is loud, where the model has dry friction:
+/// roll-outs that stick and slip by chance leave no shape.
 pub fn may_rub(study: &Study, fitted: &Fitted, first: bool) -> bool {
     let is_dry = |e: &Placed| e.kind.dry().is_some();
     match fitted.hint(study, first) {

@@ -293,8 +293,46 @@ fn largest_change(
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::super::candidate::Candidate;
+    use super::super::pushes::tests::prepared;
+    use super::super::setup::Prepared;
     use super::*;
     use crate::effect::Struck;
+
+    /// Beyond 2.785 rates a step the sledge went to and fro about rest, and the derivatives of that were chance.
+    #[test]
+    fn steps_about_rests_are_short_enough_for_the_friction_there_and_no_shorter() {
+        let (_dir, Prepared { study, null, .. }) = prepared(0.0);
+        let coulomb = Candidate::named("coulomb_friction", 0);
+        let (hybrid, theta) = coulomb.place(&null.hybrid, &null.inside.theta, &[2.0]);
+        // 2 N on 2 kg, its sign spread over so many m/s: a rate of 1/width 1/s.
+        let with = |width: f64| {
+            let usual = hybrid.effects()[0].smoothing;
+            hybrid.smoothed_by(width / usual, |_| true)
+        };
+        let finest = |study: &Study, hybrid: &Hybrid| {
+            study.substeps_for(hybrid, &theta) * study.steps.about_rests
+        };
+        let soft = with(1.0);
+        assert!(study.at_rest(&soft, &theta).is_none());
+        for width in [2e-3, 1e-3] {
+            let sharp = with(width);
+            let rate = study.interval * sharp.fastest_friction(&theta);
+            assert!(rate > STABLE * finest(&study, &sharp) as f64, "{rate}");
+            let shorter = study.at_rest(&sharp, &theta).unwrap();
+            let steps = finest(&shorter, &sharp) as f64;
+            assert!(
+                rate <= STABLE * steps && rate > 0.5 * STABLE * steps,
+                "{rate} {steps}"
+            );
+        }
+        // No explicit steps would do, and implicit ones need none of this.
+        assert!(study.at_rest(&with(1e-5), &theta).is_none());
+        let implicit = with(1e-3).stepped_implicitly(true);
+        assert!(study.at_rest(&implicit, &theta).is_none());
+    }
 
     /// A ball between walls at ±1, at 1 m/s and 20 readings a second: four seconds from wall to wall and back.
     #[test]

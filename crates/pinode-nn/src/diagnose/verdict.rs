@@ -179,7 +179,7 @@ pub struct Payload {
 /// Paired differences of the windows' log-likelihoods.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Evidence {
-    /// How sure the sign of their sum is, in standard errors, in the windows that the fit saw.
+    /// How sure the sign of their sum is, in standard errors, in the windows that the fit saw; of fewer than 14 windows as a share of the most that these could be.
     pub z_fit: f64,
     /// The same on windows it did not see.
     pub z_held_out: f64,

@@ -212,7 +212,7 @@ pub fn name(candidate: &Candidate, hybrid: &Hybrid, inputs: &[String]) -> Name {
 
 fn evidence(comparison: &Comparison) -> Evidence {
     Evidence {
-        z_fit: comparison.inside.z,
+        z_fit: comparison.inside.z_in_reach(),
         z_held_out: comparison.outside.z,
         gain_fit: comparison.inside_gain,
         gain_held_out: comparison.outside_gain,

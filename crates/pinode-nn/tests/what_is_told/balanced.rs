@@ -9,11 +9,8 @@ use std::f64::consts::TAU;
 
 use pinode_nn::diagnose::verdict::Verdict;
 use pinode_nn::log::Log;
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 
-use super::pendulum::{diagnosed, parsed, recorded, stepped};
+use super::pendulum::{accelerated, diagnosed, parsed, under_feedback};
 
 const A: f64 = 0.0275;
 const B: f64 = 0.1896;
@@ -38,49 +35,37 @@ const MODEL: &str = "name = \"robot\"\n\
 
 /// 40 s at 100 Hz to and fro, with this friction R beside the one that the model has.
 fn log(rubs: fn(f64) -> f64) -> Log {
-    const H: f64 = 2e-4;
-    const STEPS: usize = 50;
-    let mut random = ChaCha8Rng::seed_from_u64(5);
-    let mut noise = || -> f64 { StandardNormal.sample(&mut random) };
-    let t: Vec<f64> = (0..4000).map(|k| 0.01 * f64::from(k)).collect();
-    let (mut q, mut u) = (vec![Vec::new(); 2], Vec::new());
-    let mut state = [0.02, 0.0, 0.0, 0.0];
-    for &t in &t {
-        let read = [0, 1].map(|c| state[c] + NOISE[c] * noise());
+    let t = (0..4000).map(|k| 0.01 * f64::from(k)).collect();
+    let push = |t: f64, read: [f64; 2], [_, _, tilting, rolling]: [f64; 4]| {
         let wave = |k: i32| (TAU * (0.08 + 0.17 * f64::from(k)) * t).sin() / f64::from(1 + k);
         let wanted: f64 = 3.0 * (0..4).map(wave).sum::<f64>();
-        let [_, _, tilting, rolling] = state;
-        let [pitch, roll] = [read[0], read[1] + read[0] - wanted];
-        let torque = FEEDBACK[0] * pitch
-            + FEEDBACK[1] * roll
+        let torque = FEEDBACK[0] * read[0]
+            + FEEDBACK[1] * (read[1] + read[0] - wanted)
             + FEEDBACK[2] * tilting
             + FEEDBACK[3] * (rolling + tilting);
-        let push = torque / GAIN;
-        let rates = |[pitch, _, tilting, rolling]: [f64; 4]| {
-            let torque = GAIN * push - VISCOUS * rolling - rubs(rolling);
-            let both = C * pitch.cos();
-            let forces = [
-                torque + C * tilting * tilting * pitch.sin(),
-                G * pitch.sin() - torque,
-            ];
-            // Of the wheels over the ground, θ + ψ, and of the pitch.
-            let determinant = A * B - both * both;
-            let whole = (B * forces[0] - both * forces[1]) / determinant;
-            let pitching = (A * forces[1] - both * forces[0]) / determinant;
-            [tilting, rolling, pitching, whole - pitching]
-        };
-        for (column, read) in q.iter_mut().zip(read) {
-            column.push(read);
-        }
-        u.push(push);
-        for _ in 0..STEPS {
-            state = stepped(state, H, rates);
-        }
-    }
-    recorded(t, q, vec![u])
+        torque / GAIN
+    };
+    let rates = |[pitch, _, tilting, rolling]: [f64; 4], push: f64| {
+        let torque = GAIN * push - VISCOUS * rolling - rubs(rolling);
+        let forces = [
+            torque + C * tilting * tilting * pitch.sin(),
+            G * pitch.sin() - torque,
+        ];
+        // Of the wheels over the ground, θ + ψ, and of the pitch.
+        let [whole, pitching] = accelerated([A, C * pitch.cos(), B], forces);
+        [tilting, rolling, pitching, whole - pitching]
+    };
+    under_feedback(
+        t,
+        (NOISE, 5),
+        (2e-4, 50),
+        [0.02, 0.0, 0.0, 0.0],
+        push,
+        rates,
+    )
 }
 
-/// Its free runs err by twenty times the noise: their starts are known to a tenth of it, and fall over by themselves. It had been something that no effect explains.
+/// Its free runs err by many times the noise, for their starts are not known exactly, and it falls over. It had been something that no effect explains.
 #[test]
 fn a_right_model_of_what_would_fall_over_is_right() {
     let found = diagnosed(&parsed(MODEL), log(|_| 0.0));

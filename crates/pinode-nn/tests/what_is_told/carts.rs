@@ -7,11 +7,8 @@ use std::f64::consts::TAU;
 
 use pinode_nn::diagnose::verdict::{Diagnosis, NamedEffect, Verdict};
 use pinode_nn::log::Log;
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 
-use super::pendulum::{diagnosed, parsed, recorded, stepped};
+use super::pendulum::{accelerated, diagnosed, parsed, under_feedback};
 
 const CART: f64 = 0.8;
 const POLE: f64 = 0.15;
@@ -54,50 +51,38 @@ const AS_MODELLED: Truth = Truth {
 
 /// 50 s at 100 Hz along sines.
 fn log(truth: &Truth) -> Log {
-    const H: f64 = 2e-4;
-    const STEPS: usize = 50;
-    let mut random = ChaCha8Rng::seed_from_u64(11);
-    let mut noise = || -> f64 { StandardNormal.sample(&mut random) };
-    let t: Vec<f64> = (0..5000).map(|k| 0.01 * f64::from(k)).collect();
-    let (mut q, mut u) = (vec![Vec::new(); 2], Vec::new());
-    let mut state = [0.03, 0.4, 0.0, 0.0];
-    for &t in &t {
-        let read = [0, 1].map(|c| state[c] + NOISE[c] * noise());
+    let t = (0..5000).map(|k| 0.01 * f64::from(k)).collect();
+    let push = |t: f64, read: [f64; 2], state: [f64; 4]| {
         let wave = |k: i32| {
             let (k, phase) = (f64::from(k), 1.7 * f64::from(k * k));
             (TAU * (0.13 + 0.22 * k) * t + phase).sin() / (1.0 + 0.5 * k)
         };
         let wanted: f64 = truth.reach * (0..7).map(wave).sum::<f64>();
         let dither = 0.54 * (TAU * 0.85 * t + 2.0 * (0.3 * t).sin()).sin();
-        let push = 25.0 * (wanted - read[0]) - 6.0 * state[2] + dither;
-        let rates = |[_, phi, v, w]: [f64; 4]| {
-            let &Truth {
-                tilt, pole, rubs, ..
-            } = truth;
-            let mass = CART + pole;
-            let forces = [
-                push - VISCOUS[0] * v - rubs(v) - mass * GRAVITY * tilt.sin()
-                    + pole * LENGTH * w * w * phi.sin(),
-                -pole * GRAVITY * LENGTH * (phi + tilt).sin() - VISCOUS[1] * w,
-            ];
-            let (both, own) = (pole * LENGTH * phi.cos(), INERTIA + pole * LENGTH * LENGTH);
-            let determinant = mass * own - both * both;
-            [
-                v,
-                w,
-                (own * forces[0] - both * forces[1]) / determinant,
-                (mass * forces[1] - both * forces[0]) / determinant,
-            ]
-        };
-        for (column, read) in q.iter_mut().zip(read) {
-            column.push(read);
-        }
-        u.push(push);
-        for _ in 0..STEPS {
-            state = stepped(state, H, rates);
-        }
-    }
-    recorded(t, q, vec![u])
+        25.0 * (wanted - read[0]) - 6.0 * state[2] + dither
+    };
+    let rates = |[_, phi, v, w]: [f64; 4], push: f64| {
+        let &Truth {
+            tilt, pole, rubs, ..
+        } = truth;
+        let mass = CART + pole;
+        let forces = [
+            push - VISCOUS[0] * v - rubs(v) - mass * GRAVITY * tilt.sin()
+                + pole * LENGTH * w * w * phi.sin(),
+            -pole * GRAVITY * LENGTH * (phi + tilt).sin() - VISCOUS[1] * w,
+        ];
+        let (both, own) = (pole * LENGTH * phi.cos(), INERTIA + pole * LENGTH * LENGTH);
+        let [a, b] = accelerated([mass, both, own], forces);
+        [v, w, a, b]
+    };
+    under_feedback(
+        t,
+        (NOISE, 11),
+        (2e-4, 50),
+        [0.03, 0.4, 0.0, 0.0],
+        push,
+        rates,
+    )
 }
 
 /// Either of them alone moves the pole in a way that it does not move: a cart that rolls down takes its pole along.

@@ -53,6 +53,42 @@ pub fn stepped<const N: usize>(
     std::array::from_fn(|i| x[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]))
 }
 
+/// Two coordinates and their rates under feedback: at each of the times `t` the coordinates are read with this noise, and the `push` of what is read and of the state is
+/// held to the next, by so many steps of h s.
+pub fn under_feedback(
+    t: Vec<f64>,
+    (noise, seed): ([f64; 2], u64),
+    (h, steps): (f64, usize),
+    mut state: [f64; 4],
+    push: impl Fn(f64, [f64; 2], [f64; 4]) -> f64,
+    rates: impl Fn([f64; 4], f64) -> [f64; 4],
+) -> Log {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+    let (mut q, mut u) = (vec![Vec::new(); 2], Vec::new());
+    for &t in &t {
+        let read = [0, 1].map(|c| state[c] + noise[c] * normal());
+        let push = push(t, read, state);
+        for (column, read) in q.iter_mut().zip(read) {
+            column.push(read);
+        }
+        u.push(push);
+        for _ in 0..steps {
+            state = stepped(state, h, |state| rates(state, push));
+        }
+    }
+    recorded(t, q, vec![u])
+}
+
+/// The accelerations a of two coordinates under forces f, M a = f, M = (m₁₁, m₁₂; m₁₂, m₂₂).
+pub fn accelerated([m11, m12, m22]: [f64; 3], forces: [f64; 2]) -> [f64; 2] {
+    let determinant = m11 * m22 - m12 * m12;
+    [
+        (m22 * forces[0] - m12 * forces[1]) / determinant,
+        (m11 * forces[1] - m12 * forces[0]) / determinant,
+    ]
+}
+
 /// One recording of these positions and inputs.
 pub fn recorded(t: Vec<f64>, q: Vec<Vec<f64>>, u: Vec<Vec<f64>>) -> Log {
     Log {
