@@ -102,6 +102,20 @@ impl<'a> AdaptiveRun<'a> {
         settings: &Settings,
         initial: &[f64],
     ) -> Result<RollOut, AdaptiveError<Diverged>> {
+        let mut rolled = self.roll_whole(settings, initial)?;
+        let visible = self.hybrid.nx() - self.hybrid.nh();
+        for state in &mut rolled.states {
+            state.truncate(visible);
+        }
+        Ok(rolled)
+    }
+
+    /// The same with h behind q and v.
+    fn roll_whole(
+        &self,
+        settings: &Settings,
+        initial: &[f64],
+    ) -> Result<RollOut, AdaptiveError<Diverged>> {
         let HeldInputs {
             inputs,
             samples,
@@ -109,16 +123,8 @@ impl<'a> AdaptiveRun<'a> {
         } = &self.held;
         let motion = HybridMotion::new(self.hybrid, &self.theta, &[], inputs);
         let (bounds, held) = (&inputs.grid.bounds, Inputs::Held(held));
-        let visible = self.hybrid.nx() - self.hybrid.nh();
-        let mut start = initial.to_vec();
-        if initial.len() == visible {
-            let (_, v) = initial.split_at(self.hybrid.nq());
-            start.extend(self.hybrid.hidden_start(v, &self.theta, inputs, 0));
-        }
+        let start = self.hybrid.whole_start(initial, &self.theta, inputs);
         let mut rolled = roll_out(&motion, settings, bounds, held, &start)?;
-        for state in &mut rolled.states {
-            state.truncate(visible);
-        }
         if samples.len() < rolled.states.len() {
             let mut wanted = samples.iter().copied().peekable();
             let mut bound = 0_usize..;
@@ -139,17 +145,34 @@ impl<'a> AdaptiveRun<'a> {
 /// [`Error::Diverged`], [`Error::Stopped`] with what the dynamics refuse, [`Error::Adaptive`] for all else that stops the steps; `run` is what
 /// the recording is called there.
 pub fn simulate_adaptively(
-    (method, relative): (Method, f64),
+    by: (Method, f64),
     model: &Model,
     run: &str,
     t: &[f64],
     u: &[Vec<f64>],
     initial: &[f64],
 ) -> Result<RollOut, Error> {
+    let mut rolled = simulate_whole_adaptively(by, model, (run, t, u), initial)?;
+    let visible = model.mechanics.nq() + model.mechanics.nv();
+    let states = rolled.states.iter_mut();
+    states.for_each(|state| state.truncate(visible));
+    Ok(rolled)
+}
+
+/// The same with the states h of effects with a memory behind q and v.
+///
+/// # Errors
+/// Those of [`simulate_adaptively`].
+pub(crate) fn simulate_whole_adaptively(
+    (method, relative): (Method, f64),
+    model: &Model,
+    (run, t, u): (&str, &[f64], &[Vec<f64>]),
+    initial: &[f64],
+) -> Result<RollOut, Error> {
     let hybrid = Hybrid::explicit(model);
     let by = AdaptiveRun::new(&hybrid, t, u);
     let rolled = by
-        .roll(&by.settings(method, relative), initial)
+        .roll_whole(&by.settings(method, relative), initial)
         .map_err(|cause| stopped_adaptively(run, cause))?;
     let out_of_range = |state: &Vec<f64>| Diverged::check(state).is_err();
     match rolled.states.iter().position(out_of_range) {

@@ -223,7 +223,8 @@ impl<'a> FreeRun<'a> {
         Roller::new(self.hybrid, &[])
     }
 
-    /// The states (q, v) of the whole recording with the states h of effects with a memory that this motion takes them to.
+    /// The states (q, v) of the whole recording, behind what its sensors read, with the states h of effects with a memory that this motion takes them to. Where a sensor is on a
+    /// motor, the joint is by the drive's stretch behind that.
     pub fn with_hidden(&self, states: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
         if self.hybrid.nh() == 0 || states.len() != self.inputs.grid.samples() {
             return states;
@@ -232,7 +233,11 @@ impl<'a> FreeRun<'a> {
         let path = self.hybrid.hidden_path(&self.theta, &self.inputs, &motion);
         let states = states.iter().enumerate();
         states
-            .map(|(k, state)| [state, path.at(k)].concat())
+            .map(|(k, state)| {
+                let mut whole = [state, path.at(k)].concat();
+                self.hybrid.put_behind_motors(&self.theta, &mut whole);
+                whole
+            })
             .collect()
     }
 
@@ -298,16 +303,30 @@ pub fn simulate_by(
     initial: &[f64],
     longest_step: f64,
 ) -> Result<Vec<Vec<f64>>, Error> {
+    let mut states = simulate_whole(scheme, model, (run, t, u), initial, longest_step)?;
+    let visible = model.mechanics.nq() + model.mechanics.nv();
+    states.iter_mut().for_each(|state| state.truncate(visible));
+    Ok(states)
+}
+
+/// The same with the states h of effects with a memory behind q and v, from `initial` (q, v) or (q, v, h).
+///
+/// # Errors
+/// Those of [`simulate_by`].
+pub(crate) fn simulate_whole(
+    scheme: Scheme,
+    model: &Model,
+    (run, t, u): (&str, &[f64], &[Vec<f64>]),
+    initial: &[f64],
+    longest_step: f64,
+) -> Result<Vec<Vec<f64>>, Error> {
     if t.is_empty() {
         return Ok(Vec::new());
     }
     let hybrid = Hybrid::explicit(model);
     let FreeRun { theta, inputs, .. } = FreeRun::new(&hybrid, t, u, longest_step);
     let motion = HybridMotion::new(&hybrid, &theta, &[], &inputs);
-    let (_, v) = initial.split_at(hybrid.nq().min(initial.len()));
-    let hidden = hybrid.hidden_start(v, &theta, &inputs, 0);
-    let visible = initial.len();
-    let mut states = vec![[initial, &hidden].concat()];
+    let mut states = vec![hybrid.whole_start(initial, &theta, &inputs)];
     let rolled = match scheme {
         Scheme::Contacts => {
             return roll_contacts(&hybrid, &theta, &inputs, (0, t.len()), initial)
@@ -323,7 +342,6 @@ pub fn simulate_by(
             roll(&motion, method, &inputs, t.len(), &mut states)
         }
     };
-    states.iter_mut().for_each(|state| state.truncate(visible));
     let Err(diverged) = rolled else {
         return Ok(states);
     };

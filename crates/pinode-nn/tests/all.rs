@@ -12,6 +12,7 @@ mod contacts;
 mod conventions;
 mod data_faults;
 mod diagnose_command;
+mod drive_layouts;
 mod end_stops;
 mod ensembles;
 mod equations_command;

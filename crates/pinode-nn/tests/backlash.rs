@@ -101,10 +101,10 @@ fn within_the_play_the_rest_of_the_cart_moves_without_the_motor_and_its_force() 
 fn what_a_file_leaves_out_goes_with_the_inertia_of_the_joint() {
     let total = CART + 0.06 + 0.012;
     let model = read(CART, &backlash("gap = 0.004")).unwrap();
-    let [gap, stiffness, damping, inertia] = model.effects[0].values[..] else {
+    let [gap, stiffness, damping, inertia, on_motor] = model.effects[0].values[..] else {
         panic!("{:?}", model.effects)
     };
-    assert_eq!(gap, 0.004);
+    assert_eq!((gap, on_motor), (0.004, 0.0));
     assert!((inertia / total - 0.1).abs() < 1e-9, "{inertia} of {total}");
     assert!((stiffness / (160_000.0 * inertia) - 1.0).abs() < 1e-12);
     assert!((damping / (480.0 * inertia) - 1.0).abs() < 1e-12);

@@ -50,8 +50,8 @@ fn with_every_effect(transmission: &str) -> Hybrid {
             "actuator_lag" => &[0.03],
             "input_dead_zone" => &[0.2],
             "input_saturation" => &[1.9],
-            "backlash" => &[0.01, 900.0, 3.0, 0.07],
-            "elastic_transmission" => &[300.0, 2.0, 0.07],
+            "backlash" => &[0.01, 900.0, 3.0, 0.07, 1.0],
+            "elastic_transmission" => &[300.0, 2.0, 0.07, 0.3, 1.0, 1.0],
             "sensor_offset" => &[0.02],
             "sensor_scale" => &[0.03],
             "sensor_delay" => &[0.027],
@@ -291,10 +291,12 @@ fn equal_differences(hybrid: &Hybrid, initial: &[f64]) {
         let silent = match name {
             Some(ConstantId::Zero(_)) => true,
             // Behind a transmission no force of an input acts on the joint itself.
-            Some(ConstantId::Effect(effect, _)) => {
+            Some(ConstantId::Effect(effect, k)) => {
                 let kind = hybrid.effects()[effect].kind;
                 let carried = hybrid.effects().iter().any(|e| e.kind.is_transmission());
+                // A yes is a yes, however large.
                 kind.acts_on() == ActsOn::Sensor
+                    || kind.parameters[k].is_flag
                     || (kind.name == "load_dependent_friction" && carried)
             }
             _ => false,

@@ -170,7 +170,12 @@ impl Band {
         let mut rolled = Vec::new();
         for (k, member) in self.members.iter().enumerate() {
             match method.simulate(member, run, initial, fineness, &mut Effort::default()) {
-                Ok(states) => rolled.push(states),
+                Ok(mut states) => {
+                    let visible = member.mechanics.nq() + member.mechanics.nv();
+                    let all = states.iter_mut();
+                    all.for_each(|state| state.truncate(visible));
+                    rolled.push(states);
+                }
                 Err(error) => {
                     self.diverged += 1;
                     output.note(&format!(

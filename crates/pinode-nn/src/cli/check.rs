@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 
 use super::output::Output;
 use crate::Error;
+use crate::effect::ParameterSpec;
 use crate::model::{EffectEntry, Model, NetworkEntry, OnLink, Pushes};
 
 #[derive(Debug, clap::Args)]
@@ -70,19 +71,19 @@ fn constants(model: &Model) -> Vec<(&str, f64)> {
         .collect()
 }
 
-/// (name, value, unit) of an effect's parameters.
+/// (parameter, value, unit) of an effect's parameters.
 fn parameters<'a>(
     model: &'a Model,
     effect: &'a EffectEntry,
-) -> impl Iterator<Item = (&'static str, f64, &'static str)> + 'a {
+) -> impl Iterator<Item = (&'static ParameterSpec, f64, &'static str)> + 'a {
     let angular = model.target_is_angular(effect.target);
     effect
         .kind
         .parameters
         .iter()
         .zip(&effect.values)
-        .filter(|(_, value)| value.is_finite())
-        .map(move |(spec, &value)| (spec.name, value, spec.quantity.unit(angular)))
+        .filter(|(spec, value)| spec.is_told(**value))
+        .map(move |(spec, &value)| (spec, value, spec.quantity.unit(angular)))
 }
 
 /// The networks of a model, one an `[[effect]]` table: the members of an ensemble are together.
@@ -176,7 +177,9 @@ fn document(model: &Model) -> Value {
         .iter()
         .map(|effect| {
             let parameters: serde_json::Map<String, Value> = parameters(model, effect)
-                .map(|(name, value, unit)| (name.into(), json!({ "value": value, "unit": unit })))
+                .map(|(spec, value, unit)| {
+                    (spec.name.into(), json!({ "value": value, "unit": unit }))
+                })
                 .collect();
             json!({
                 "kind": effect.kind.name,
@@ -345,7 +348,10 @@ fn text(model: &Model) -> String {
     }
     for effect in &model.effects {
         let numbers: Vec<String> = parameters(model, effect)
-            .map(|(name, value, unit)| format!("{name} = {value} {unit}"))
+            .map(|(spec, value, unit)| match spec.is_flag {
+                true => format!("{} = true", spec.name),
+                false => format!("{} = {value} {unit}", spec.name),
+            })
             .collect();
         let _ = writeln!(
             out,

@@ -19,7 +19,7 @@ use crate::Error;
 use crate::disk::{Staged, refuse_overwriting};
 use crate::entries::{q_names, starts, v_names};
 use crate::free_run::{
-    Initial, LONGEST_STEP, initial_states, longest_step as longest_taken, step_warning,
+    FreeRun, Initial, LONGEST_STEP, initial_states, longest_step as longest_taken, step_warning,
 };
 use crate::hybrid::Hybrid;
 use crate::learnt::{Guard, other_intervals};
@@ -111,6 +111,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     let all: Vec<&Run> = runs.iter().collect();
     let (mut taken, mut warnings) = (step, other_intervals(&model, &all));
     let mut guard = Guard::new(&model);
+    let visible = model.mechanics.nq() + model.mechanics.nv();
     for mut run in runs {
         if let Some(duration) = arguments.duration {
             shorten(&mut run, duration);
@@ -121,10 +122,10 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
             (None, Some(_)) if model.has_poses() => measured_state(&model, &run, 0),
             (None, Some(_)) => {
                 let measured = initial_states(&model, &run, Initial::Measured);
-                measured
-                    .into_iter()
-                    .next()
-                    .unwrap_or_else(|| at_rest(&model))
+                let hybrid = Hybrid::of(&model);
+                let over = FreeRun::new(&hybrid, &run.t, &run.u, step);
+                let behind = over.with_hidden(measured).into_iter().next();
+                behind.map_or_else(|| at_rest(&model), |state| state[..visible].to_vec())
             }
             (None, None) => at_rest(&model),
         };
@@ -139,8 +140,10 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
             warnings.extend(step_warning(&run.id, longest, step));
             taken = taken.max(longest);
         }
-        warnings.extend(Upright::of(&model, &run.t, &states).map(|near| near.warning(&run.id)));
-        guard.watch(&run.id, &run.t, &run.u, &states);
+        let moved = states.iter().map(|state| state[..visible].to_vec());
+        let moved: Vec<Vec<f64>> = moved.collect();
+        warnings.extend(Upright::of(&model, &run.t, &moved).map(|near| near.warning(&run.id)));
+        guard.watch(&run.id, &run.t, &run.u, &moved);
         if let Some(band) = &mut band {
             let run = (&run, with_run);
             band.roll(arguments.method, run, &initial, fineness, output);

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::simulate::shorten;
 use crate::Error;
 use crate::contact_run::ContactRunError;
-use crate::free_run::{Scheme, simulate_by};
+use crate::free_run::{Scheme, simulate_whole};
 use crate::log::Run;
 use crate::model::Model;
 use crate::poses::Upright;
@@ -101,7 +101,7 @@ impl Effort {
 }
 
 impl Stepping {
-    /// The trajectory over `run` from `initial`: one state a sample. Where the angles of a pose stop it, the error says so.
+    /// The trajectory over `run` from `initial`, (q, v) or (q, v, h): one state (q, v, h) a sample. Where the angles of a pose stop it, the error says so.
     pub fn simulate(
         self,
         model: &Model,
@@ -147,7 +147,7 @@ impl Stepping {
     ) -> Result<Vec<Vec<f64>>, Error> {
         match self {
             Stepping::Fixed(scheme) => {
-                simulate_by(scheme, model, &run.id, &run.t, &run.u, initial, longest)
+                simulate_whole(scheme, model, (&run.id, &run.t, &run.u), initial, longest)
             }
             Stepping::Adapting(method) => method.simulate(model, run, initial, tolerance, effort),
         }
@@ -192,8 +192,8 @@ impl Adapting {
             Adapting::Bdf => Method::Bdf,
         };
         let by = (method, tolerance);
-        let rolled =
-            crate::adaptive_run::simulate_adaptively(by, model, &run.id, &run.t, &run.u, initial)?;
+        let over = (run.id.as_str(), run.t.as_slice(), run.u.as_slice());
+        let rolled = crate::adaptive_run::simulate_whole_adaptively(by, model, over, initial)?;
         let took = &rolled.statistics;
         effort.steps += took.steps;
         effort.explicit += took.explicit_steps;

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use crate::diagnose::verdict::{Diagnosis, Gap, Name, NamedEffect};
 use crate::report::verdict_in_words;
-use crate::report::words::{number, percent, quantity, with_unit};
+use crate::report::words::{is_flag, number, percent, quantity, with_unit};
 
 /// Less probable alternatives are left to the document.
 const LEAST_ALTERNATIVE: f64 = 0.005;
@@ -60,7 +60,11 @@ fn write_effect(out: &mut String, effect: &NamedEffect) {
         percent(effect.confidence)
     );
     for (name, value) in &effect.parameters {
-        let _ = writeln!(out, "    {name} = {}", quantity(value));
+        let value = match is_flag(effect, name) {
+            true => "yes".to_owned(),
+            false => quantity(value),
+        };
+        let _ = writeln!(out, "    {name} = {value}");
     }
     let others: Vec<String> = effect
         .alternatives

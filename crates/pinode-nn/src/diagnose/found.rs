@@ -208,7 +208,19 @@ pub fn revisit(
             false => without(study, null, current, index),
         };
         let rivals = if single {
-            steps[0].contenders.clone()
+            let mut rivals = steps[0].contenders.clone();
+            // A drive that was laid out in another way explains more than the one that was accepted.
+            let own = rivals
+                .iter_mut()
+                .find(|rival| rival.added[..] == [added[k]]);
+            if let Some(own) = own.filter(|_| added[k].kind.motor().is_some()) {
+                *own = Contender {
+                    imitated: own.imitated,
+                    ..contender(study, vec![added[k]], current.clone(), &reduced)
+                };
+                rank(&mut rivals, seed);
+            }
+            rivals
         } else {
             report(&format!("revisiting {}", added[k].kind.name));
             let mut rivals = rivals(study, current, &reduced, added, k);

@@ -12,7 +12,7 @@ use super::screen::Screened;
 use super::shown::fit_shown;
 use super::study::{Fitted, Study};
 use super::unstretched::unstretched;
-use crate::hybrid::Placed;
+use crate::hybrid::{Hybrid, Placed};
 
 /// A candidate with this share of its information spanned by free constants is one that they imitate.
 const IMITATED: f64 = 0.9;
@@ -150,23 +150,34 @@ fn fit_screened(
         }
         starts = std::slice::from_ref(&step.start);
     }
-    let members = |start: &Vec<f64>| [(candidate, start.clone())];
     if let [only] = starts {
-        let members = members(only);
+        let members = [(candidate, only.clone())];
         return Some(fit_with(study, current, &theta, &members, (1, iterations)));
     }
-    let comparing = match kind.is_transmission() {
+    let (some, there) = study.some_windows(current, SHARE);
+    let tried = (&there, &current.hybrid, theta.as_slice());
+    let best = best_of_starts(&some, tried, candidate, starts)?;
+    let start = current.start(best.inside.theta);
+    Some(study.fit(best.hybrid, start, 1, iterations))
+}
+
+/// A candidate that is added to `hybrid`, with `theta` for what that has and the initial states of `current`, after the first iterations from the one of its `starts` by which they
+/// explain most. `None` without a start.
+pub fn best_of_starts(
+    study: &Study,
+    (current, hybrid, theta): (&Fitted, &Hybrid, &[f64]),
+    candidate: Candidate,
+    starts: &[Vec<f64>],
+) -> Option<Fitted> {
+    let comparing = match candidate.kind.is_transmission() {
         true => COMPARING_DRIVES,
         false => COMPARING,
     };
-    let (some, current_there) = study.some_windows(current, SHARE);
-    let tried: Vec<Fitted> = starts
-        .par_iter()
-        .map(|start| fit_with(&some, &current_there, &theta, &members(start), comparing))
-        .collect();
-    let best = best(tried)?;
-    let start = current.start(best.inside.theta);
-    Some(study.fit(best.hybrid, start, 1, iterations))
+    let tried = starts.par_iter().map(|start| {
+        let (hybrid, theta) = candidate.place(hybrid, theta, start);
+        study.fit(hybrid, current.start(theta), comparing.0, comparing.1)
+    });
+    best(tried.collect())
 }
 
 /// The one that explains most.

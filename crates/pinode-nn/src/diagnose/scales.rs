@@ -2,6 +2,8 @@
 
 use std::ops::Deref;
 
+use nalgebra::Cholesky;
+
 use super::blows::struck;
 use super::pace::Pace;
 use super::rests::held;
@@ -70,6 +72,16 @@ pub fn scales(
     let mut mass = nalgebra::DMatrix::zeros(nv, nv);
     let held = held(hybrid, smoothed, observations);
     let logged = |i: usize| observations.runs.iter().flat_map(move |run| &run.u[i]);
+    // Of a motor that the model already has by itself, which was taken out of M_cc and so, one for one, out of what moves.
+    let taken = |c: usize| -> f64 {
+        let effects = hybrid.effects().iter().enumerate();
+        let own = effects.filter(|(_, e)| hybrid.coordinate_of(e.kind, e.target) == c);
+        let within = own.filter_map(|(index, e)| {
+            let motor = e.kind.motor()?;
+            motor.inertia_within(&theta[hybrid.range(index)])
+        });
+        within.sum()
+    };
     let coordinates = (0..nv)
         .map(|c| {
             let q = || smoothed.iter().flat_map(|s| &s.q[c]).copied();
@@ -82,7 +94,7 @@ pub fn scales(
                 .collect();
             speed.sort_by(f64::total_cmp);
             let mut square = 0.0;
-            let mut entry = 0.0;
+            let (mut entry, mut freed) = (0.0, 0.0);
             let mut n = 0.0;
             for s in smoothed {
                 let stride = (s.q[c].len() / 500).max(1);
@@ -91,6 +103,8 @@ pub fn scales(
                     hybrid.mass_matrix_into(&state[..nv], &theta, &mut memory, &mut mass);
                     square += (mass[(c, c)] * s.a[c][k]).powi(2);
                     entry += mass[(c, c)];
+                    let inverse = Cholesky::new(mass.clone()).map(|m| m.inverse()[(c, c)]);
+                    freed += inverse.map_or(mass[(c, c)], |inverse| 1.0 / inverse);
                     n += 1.0;
                 }
             }
@@ -103,6 +117,7 @@ pub fn scales(
                 speed: positive(speed.get(speed.len() * 19 / 20).copied().unwrap_or(0.0)),
                 force: positive((square / f64::max(n, 1.0)).sqrt()),
                 mass: positive(entry / f64::max(n, 1.0)),
+                free_mass: positive(freed / f64::max(n, 1.0)) + taken(c),
                 input,
                 largest_input,
                 noise: observations

@@ -7,10 +7,12 @@ use super::candidate::Candidate;
 use super::clock::of_the_inputs;
 use super::comparison::{Comparison, RELIEF};
 use super::found::{Found, SAME, in_order_of_contribution, position, prune, revisit};
+use super::layouts::{drives, laid_out_otherwise};
 use super::misfit::explained;
 use super::numerics::sharp;
+use super::particulars::with_particulars;
 use super::pushes::{is_push, stripped, with_pushes};
-use super::refine::{Contender, ITERATIONS, is_sensible, rank};
+use super::refine::{Contender, ITERATIONS, is_sensible, polish, rank};
 use super::remainder::Remainder;
 use super::screen;
 use super::step::{
@@ -30,6 +32,8 @@ const GENEROUS: u64 = 1;
 /// What follows from something may come of the integration steps where it explains no more nats a sample. These are chosen so that they move a
 /// prediction by less than a third of the noise, 0.05 nats, before it is known that an input is late by a part of one.
 const OF_STEPS: f64 = 0.5;
+/// A drive that no screen has seen leaves no residual as large as this part of what there was.
+const ALL: f64 = 3.0;
 /// Iterations of the initial states when pushes are taken away.
 const STATES_ALONE: usize = 5;
 
@@ -184,10 +188,43 @@ pub fn search(study: &Study, null: Fitted, seed: u64, report: Report) -> Search 
         search_from(study, base, first, seed, report)
     } else if let Some((fine, base)) = with_shorter_steps(study, &base, &[], report) {
         search(&fine, base, seed, report)
+    } else if let Some(step) = laid_out(study, &base, (&first, None), seed, report) {
+        search_from(study, base, step, seed, report)
     } else {
         search_again(study, base, first, seed, report)
     };
     Search { null, ..found }
+}
+
+/// A step that asks for drives in layouts that no screen has seen, where it accepts one.
+fn laid_out(
+    study: &Study,
+    base: &Fitted,
+    (first, left): (&Step, Option<&Fitted>),
+    seed: u64,
+    report: Report,
+) -> Option<Step> {
+    let mut contenders = drives(study, base, left, report);
+    if contenders.is_empty() {
+        return None;
+    }
+    polish(study, base, &mut contenders);
+    let drives: Vec<Vec<Candidate>> = contenders.iter().map(|c| c.added.clone()).collect();
+    // What explains as much by another name has a say.
+    let others = first.contenders.iter();
+    let others = others.filter(|c| !drives.contains(&c.added));
+    contenders.extend(others.cloned());
+    rank(&mut contenders, seed);
+    let accepted = accept(study, base, &mut contenders, (true, seed))?;
+    let drive = &contenders[accepted];
+    let is_drive = drives.contains(&drive.added);
+    // A law between two coordinates is a drive's on one of them.
+    let explains_all = ALL * drive.fitted.most_excess(study) < base.most_excess(study);
+    (is_drive && explains_all).then(|| Step {
+        screened: first.screened.clone(),
+        contenders,
+        accepted: Some(accepted),
+    })
 }
 
 /// The search where the `first` step has accepted nothing.
@@ -265,6 +302,17 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
             if other.beats(&path) {
                 path = other;
             }
+        }
+    }
+    // What a drive does whose joint is read on the motor looks like many a law.
+    let left = Some(&path.at.current).filter(|_| !path.at.added.is_empty());
+    let unseen = left.and_then(|left| laid_out(study, &base, (&first, Some(left)), seed, report));
+    if let Some(step) = unseen {
+        let k = step.accepted.unwrap_or_default();
+        let mut other = Path::new(study, base.clone(), step);
+        other.follow(&base, k, (Turn::Further, most), &been, seed, report);
+        if other.beats(&path) {
+            path = other;
         }
     }
     let steps = path.steps;
@@ -479,7 +527,8 @@ impl Place {
     }
 
     fn take(&mut self, null: &Fitted, accepted: Contender, report: Report) {
-        for candidate in &accepted.added {
+        let added = accepted.added.clone();
+        for candidate in &added {
             report(&format!(
                 "accepted: {} (z {:.1}, held out {:.1})",
                 candidate.kind.name, accepted.comparison.inside.z, accepted.comparison.outside.z
@@ -495,6 +544,9 @@ impl Place {
             &mut self.added,
             report,
         );
+        for candidate in &added {
+            self.lay_out(null, candidate, report);
+        }
         self.unstretch();
         self.sharpen();
         self.respread();
@@ -502,6 +554,34 @@ impl Place {
         let shorter = with_shorter_steps(&self.study, &self.current, &self.added, report);
         if let Some(shorter) = shorter {
             (self.study, self.current) = shorter;
+        }
+    }
+
+    /// What a drive leaves that is laid out in another way than it is named, or has particulars, is not missing.
+    fn lay_out(&mut self, null: &Fitted, candidate: &Candidate, report: Report) {
+        let (study, current) = (&self.study, &self.current);
+        let laid_out = laid_out_otherwise(study, null, current, candidate);
+        let particular = with_particulars(study, current, candidate);
+        let constants = |model: &Fitted| model.inside.free.len();
+        let score = |model: &Fitted| {
+            let more = constants(model).saturating_sub(constants(current));
+            model.score(more)
+        };
+        let is_laid_out = match (&laid_out, &particular) {
+            (Some(laid_out), Some(particular)) => score(laid_out) > score(particular),
+            (laid_out, _) => laid_out.is_some(),
+        };
+        let Some(model) = (if is_laid_out { laid_out } else { particular }) else {
+            return;
+        };
+        report(match is_laid_out {
+            true => "the drive is laid out, or its motor is sized, in another way",
+            false => "the drive has particulars: teeth, or friction of its motor",
+        });
+        self.current = model;
+        if is_laid_out && let Some(model) = with_particulars(&self.study, &self.current, candidate)
+        {
+            self.current = model;
         }
     }
 

@@ -81,6 +81,11 @@ fn is_loud(study: &Study, fitted: &Fitted) -> bool {
     fitted.most_excess(study) > LOUD
 }
 
+/// Whether a model leaves something beyond doubt: what follows from something, or what is far above the noise.
+pub fn leaves_something(study: &Study, fitted: &Fitted) -> bool {
+    fitted.left(study).is_some() || is_loud(study, fitted)
+}
+
 /// What has states of its own takes many times the time of what has none: it is tried where that leaves something to explain.
 pub fn is_dear(kind: &Kind) -> bool {
     kind.states() > 0

@@ -59,11 +59,11 @@ pub fn unseen_spring(
         target: input,
     };
     let scales = candidate.scales(&hybrid, &study.scales);
-    let reduced = own * scales.mass / (own + scales.mass);
+    let reduced = own * scales.free_mass / (own + scales.free_mass);
     let start = |frequency: f64| {
         let stiffness = frequency * frequency * reduced;
         let damping = 2.0 * DAMPING * frequency * reduced;
-        vec![stiffness, damping, own]
+        vec![stiffness, damping, own, 0.0, 0.0, 0.0]
     };
     // What does not do as well in some of the windows hardly does in all; of what does, the softest there is asked there first.
     let (some, there) = study.some_windows(current, SHARE);

@@ -7,9 +7,20 @@
 use super::comparison::RELIEF;
 use super::refine::ITERATIONS;
 use super::study::{Fitted, Study};
+use crate::hybrid::Hybrid;
 
 /// Nats that are worth it: iterations end as far apart.
 const WORTH: f64 = 1.0;
+
+/// θ with what is known of the constants in place of what a fit has made of them; what nothing is known of stays.
+pub fn unstrained(hybrid: &Hybrid, theta: &[f64]) -> Vec<f64> {
+    let constants = hybrid.constants().iter().zip(theta);
+    let known = constants.map(|(constant, &there)| match constant.tolerance.is_finite() {
+        true => constant.value,
+        false => there,
+    });
+    known.collect()
+}
 
 /// A fitted model whose tolerances are stretched, fitted again from where they are not; `None` where it explains no more there.
 pub fn unstretched(study: &Study, fitted: &Fitted) -> Option<Fitted> {
@@ -17,10 +28,12 @@ pub fn unstretched(study: &Study, fitted: &Fitted) -> Option<Fitted> {
     if fit.stretch <= RELIEF {
         return None;
     }
-    let (mut held, mut theta) = (fitted.hybrid.clone(), fit.theta.clone());
-    for (constant, theta) in held.constants_mut().iter_mut().zip(&mut theta) {
+    let (mut held, theta) = (
+        fitted.hybrid.clone(),
+        unstrained(&fitted.hybrid, &fit.theta),
+    );
+    for constant in held.constants_mut() {
         if constant.tolerance.is_finite() {
-            *theta = constant.value;
             constant.tolerance = 0.0;
         }
     }

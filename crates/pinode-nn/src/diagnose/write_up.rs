@@ -158,7 +158,7 @@ pub fn effects(
             let parameters: BTreeMap<String, ParameterValue> = hybrid
                 .range(index)
                 .zip(candidate.kind.parameters)
-                .filter(|(i, _)| theta[*i].is_finite())
+                .filter(|(i, spec)| spec.is_told(theta[*i]))
                 .map(|(i, spec)| {
                     let value = ParameterValue {
                         value: theta[i],

@@ -6,12 +6,13 @@
 //! which nothing acts. g in m or rad; k and d are stiffness and damping of the teeth that touch. J is the inertia on the motor's side, seen
 //! at the joint. The mechanism has it in its masses, as whoever weighed or identified a drive without knowing of its play: J v̇ takes it out
 //! of the joint again, so that hard teeth without play change nothing. Within the play the motor moves by itself, and the rest of the joint
-//! without it; then there is an impact. Small backlash looks like an elastic drive.
+//! without it; then there is an impact. Small backlash looks like an elastic drive. Where the joint's sensor is on the motor (`sensor_on_motor`), it
+//! reads q + e.
 
 use lagrange::Scalar;
 
 use super::{
-    Action, Family, Kind, LeftOut, MemoryLaw, ParameterSpec, Probe, Quantity, Scales, Seen,
+    Action, Family, Kind, LeftOut, MemoryLaw, Motor, ParameterSpec, Probe, Quantity, Scales, Seen,
     WithMemory,
 };
 
@@ -57,6 +58,11 @@ fn pull<D: Scalar>(seen: &Seen<'_, D>, p: &[D]) -> D {
 
 /// Index of J.
 const INERTIA: usize = 3;
+const ITS_MOTOR: Motor = Motor {
+    inertia: INERTIA,
+    within: None,
+    read: 4,
+};
 
 /// A gap of less than this part of the noise shows in no log, however long.
 const LEAST_GAP: f64 = 0.01;
@@ -65,8 +71,8 @@ impl MemoryLaw for Backlash {
     fn states(&self) -> usize {
         2
     }
-    fn taken_from_joint(&self) -> Option<usize> {
-        Some(INERTIA)
+    fn motor(&self) -> Option<Motor> {
+        Some(ITS_MOTOR)
     }
     /// Without a gap it is an elastic transmission.
     fn is_itself(&self, scales: &Scales, p: &[f64]) -> bool {
@@ -98,7 +104,7 @@ impl MemoryLaw for Backlash {
         spread[1] = (force / (p[1] * p[INERTIA]).sqrt()).min(speed);
     }
     fn fastest(&self, _speed: f64, mass: f64, p: &[f64]) -> f64 {
-        let inverse = 1.0 / p[INERTIA] + 1.0 / mass;
+        let inverse = ITS_MOTOR.inverse(mass, p);
         (p[1] * inverse).sqrt().max(p[2] * inverse)
     }
 }
@@ -123,6 +129,7 @@ pub static KIND: Kind = Kind {
             1e-6,
         )
         .left_out_as(LeftOut::OfInertia(MOTOR)),
+        ParameterSpec::flag("sensor_on_motor"),
     ],
     action: Action::Transmission(&WithMemory(Backlash)),
     contains: &[],
@@ -140,8 +147,14 @@ pub static KIND: Kind = Kind {
         ];
         sizes
             .map(|(part, motor)| Probe {
-                neutral: vec![0.0, stiffness, damping, 1e-3 * inertia],
-                perturbed: vec![part * scales.reach, stiffness, damping, motor * inertia],
+                neutral: vec![0.0, stiffness, damping, 1e-3 * inertia, 0.0],
+                perturbed: vec![
+                    part * scales.reach,
+                    stiffness,
+                    damping,
+                    motor * inertia,
+                    0.0,
+                ],
             })
             .to_vec()
     },

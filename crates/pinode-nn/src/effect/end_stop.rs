@@ -280,6 +280,7 @@ mod tests {
             speed: 1.0,
             force: 4.0,
             mass: 0.5,
+            free_mass: 0.5,
             input: 2.0,
             largest_input: 5.0,
             noise: 1e-3,

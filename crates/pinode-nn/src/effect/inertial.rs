@@ -64,7 +64,7 @@ impl fmt::Display for Inertial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Inertial::Rotor => "reflected_inertia",
-            Inertial::Motor => "backlash",
+            Inertial::Motor => "a motor whose inertia the mechanism has",
             Inertial::PointMass => "added_mass",
             Inertial::Payload => "payload",
             Inertial::Centre => "centre_of_mass",

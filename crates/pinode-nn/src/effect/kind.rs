@@ -1,6 +1,8 @@
 //! What the rest of the program knows of a kind of effect.
 
-use super::{Distortion, DriveLaw, DryFriction, Inertial, JointForce, MemoryForce, RigidStop};
+use super::{
+    Distortion, DriveLaw, DryFriction, Inertial, JointForce, MemoryForce, Motor, RigidStop,
+};
 
 /// A kind of effect: its name in model files, its parameters and what it does.
 #[derive(Clone, Copy)]
@@ -44,6 +46,8 @@ pub struct Scales {
     pub force: f64,
     /// Its own entry of the mass matrix, mean, kg or kg·m².
     pub mass: f64,
+    /// What of that moves where all other coordinates give way, 1/(M⁻¹)_jj, mean, kg or kg·m², with the motors that the model has by themselves: what swings on springs in its drive.
+    pub free_mass: f64,
     /// The input as logged, root mean square; 0 for a joint without one.
     pub input: f64,
     /// The largest size of the input as logged.
@@ -89,6 +93,7 @@ impl Scales {
             speed: 1.0,
             force: 1.0,
             mass: 1.0,
+            free_mass: 1.0,
             input: 1.0,
             largest_input: 1.0,
             noise: 1e-3,
@@ -150,20 +155,31 @@ impl Kind {
         }
     }
 
-    /// What it does to the mechanics, if it changes them.
+    /// What it does to the mechanics whatever its parameters are, if it changes them.
     pub fn inertial(&self) -> Option<Inertial> {
-        match self.action {
-            Action::Inertial(change) => Some(change),
-            Action::Transmission(law) => law.taken_from_joint().map(|_| Inertial::Motor),
+        match (self.action, self.motor()) {
+            (Action::Inertial(change), _) => Some(change),
+            (_, Some(Motor { within: None, .. })) => Some(Inertial::Motor),
             _ => None,
         }
     }
 
-    /// The parameter by which it does.
+    /// What it does to the mechanics with the parameters `p`.
+    pub fn changes(&self, p: &[f64]) -> Option<Inertial> {
+        let within = self.motor().and_then(|motor| motor.inertia_within(p));
+        self.inertial().or(within.map(|_| Inertial::Motor))
+    }
+
+    /// The parameter by which it changes the mechanics.
     pub fn inertial_parameter(&self) -> usize {
+        self.motor().map_or(0, |motor| motor.inertia)
+    }
+
+    /// The motor of a transmission that has one.
+    pub fn motor(&self) -> Option<Motor> {
         match self.action {
-            Action::Transmission(law) => law.taken_from_joint().unwrap_or(0),
-            _ => 0,
+            Action::Transmission(law) => law.motor(),
+            _ => None,
         }
     }
 
@@ -338,8 +354,10 @@ pub struct ParameterSpec {
     pub neutral: f64,
     /// What it is where a model file does not say. `None`: a file has to give it.
     pub default: Option<LeftOut>,
-    /// Whether fits leave it alone.
+    /// Whether fits leave it alone; of an effect that was found, a diagnosis may ask for it all the same.
     pub held: bool,
+    /// Whether it is a yes or a no, 1 or 0; a model file says `true` or `false`.
+    pub is_flag: bool,
 }
 
 impl ParameterSpec {
@@ -358,7 +376,24 @@ impl ParameterSpec {
             neutral,
             default: None,
             held: false,
+            is_flag: false,
         }
+    }
+
+    /// A yes or a no, no where a model file leaves it out; fits leave it alone.
+    pub const fn flag(name: &'static str) -> Self {
+        ParameterSpec {
+            default: Some(LeftOut::Value(0.0)),
+            held: true,
+            is_flag: true,
+            ..ParameterSpec::new(name, Quantity::Ratio, (0.0, 1.0), 0.0)
+        }
+    }
+
+    /// Whether a value says anything: a part that is not there has none, and what fits leave alone goes without saying where it is what a model file means by
+    /// nothing.
+    pub fn is_told(&self, value: f64) -> bool {
+        value.is_finite() && !(self.held && self.default == Some(LeftOut::Value(value)))
     }
 
     /// The physical value next to `x`.

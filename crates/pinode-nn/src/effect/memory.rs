@@ -23,13 +23,52 @@ pub struct Seen<'a, D> {
     pub h: &'a [D],
 }
 
+/// A motor that moves by itself between an input and the joint, at q_j + e with the velocity v_m: where its parameters are among those of the law.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Motor {
+    /// Its inertia J, seen at the joint.
+    pub inertia: usize,
+    /// Whether the mechanism has J in the joint, so that M_jj counts without it; `None`: it always has.
+    pub within: Option<usize>,
+    /// Whether the joint's sensor is on the motor and reads q_j + e.
+    pub read: usize,
+}
+
+/// Whether a yes or a no is a yes.
+fn is_set(p: &[f64], flag: usize) -> bool {
+    p.get(flag).is_some_and(|&x| x != 0.0)
+}
+
+impl Motor {
+    /// Whether the joint's sensor is on it.
+    pub fn is_read(&self, p: &[f64]) -> bool {
+        is_set(p, self.read)
+    }
+
+    /// J, where the mechanism has it in the joint.
+    pub fn inertia_within(&self, p: &[f64]) -> Option<f64> {
+        let is_within = self.within.is_none_or(|within| is_set(p, within));
+        is_within.then(|| p.get(self.inertia).copied())?
+    }
+
+    /// 1/J + 1/m, what swings against the motor being m of a joint of `mass`.
+    pub fn inverse(&self, mass: f64, p: &[f64]) -> f64 {
+        let inertia = p[self.inertia];
+        let left = mass - self.inertia_within(p).unwrap_or(0.0);
+        // As much as all is no motor; of what is left nothing is known then.
+        let beside = if left > 0.0 { left } else { mass };
+        1.0 / inertia + 1.0 / beside
+    }
+}
+
 /// A law with a memory, written over the scalar; recorded as a [`ForceLaw`](super::ForceLaw) is.
 pub trait MemoryLaw: Send + Sync + 'static {
     /// Number of states h; may be none for a law that only needs f.
     fn states(&self) -> usize;
 
-    /// Which parameter is an inertia that moves by itself and that the mechanism has in the joint: M_jj counts without it.
-    fn taken_from_joint(&self) -> Option<usize> {
+    /// The motor of a transmission that has one: its states h begin with the stretch e and the motor's velocity v_m. None, unless a law says
+    /// otherwise.
+    fn motor(&self) -> Option<Motor> {
         None
     }
 
@@ -66,8 +105,8 @@ pub trait MemoryLaw: Send + Sync + 'static {
 pub trait MemoryForce: Send + Sync {
     /// See [`MemoryLaw::states`].
     fn states(&self) -> usize;
-    /// See [`MemoryLaw::taken_from_joint`].
-    fn taken_from_joint(&self) -> Option<usize>;
+    /// See [`MemoryLaw::motor`].
+    fn motor(&self) -> Option<Motor>;
     /// Q_j, and ḣ into `rate`.
     fn evaluate(&self, seen: &Seen<'_, f64>, p: &[f64], smoothing: f64, rate: &mut [f64]) -> f64;
     /// Q_j and ḣ, row after row, and their derivatives, by dual numbers.
@@ -143,8 +182,8 @@ impl<L: MemoryLaw> MemoryForce for WithMemory<L> {
         self.0.states()
     }
 
-    fn taken_from_joint(&self) -> Option<usize> {
-        self.0.taken_from_joint()
+    fn motor(&self) -> Option<Motor> {
+        self.0.motor()
     }
 
     fn evaluate(&self, seen: &Seen<'_, f64>, p: &[f64], smoothing: f64, rate: &mut [f64]) -> f64 {

@@ -70,7 +70,7 @@ pub use kind::{
 };
 pub(crate) use law::{At, Column, Law, Room};
 pub(crate) use memory::MOST_STATES;
-pub use memory::{MemoryDerivatives, MemoryForce, MemoryLaw, Seen, WithMemory};
+pub use memory::{MemoryDerivatives, MemoryForce, MemoryLaw, Motor, Seen, WithMemory};
 pub use pointwise::{Pointwise, PointwiseLaw};
 
 /// Velocity over which a sign change of friction is spread unless the model says otherwise: 3 mm/s, or 10 mrad/s on an angle. A tenth of it in a model

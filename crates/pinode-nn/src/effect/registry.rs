@@ -188,6 +188,7 @@ mod tests {
             speed: 1.0,
             force: 2.0,
             mass: 0.5,
+            free_mass: 0.5,
             input: 2.0,
             largest_input: 5.0,
             struck: [None; 2],
@@ -219,10 +220,18 @@ mod tests {
             ("stribeck_friction", &[0.2, 1e-6, 2.0], false),
             ("stribeck_friction", &[0.2, 0.15, 0.05], false),
             // A twentieth of the critical damping, and five times as much.
-            ("elastic_transmission", &[75.0, 0.3, 0.035], true),
-            ("elastic_transmission", &[221.0, 16.9, 0.0162], false),
-            ("backlash", &[1e-4, 1e4, 10.0, 1e-2], true),
-            ("backlash", &[0.0, 1e4, 10.0, 1e-2], false),
+            (
+                "elastic_transmission",
+                &[75.0, 0.3, 0.035, 0.0, 0.0, 0.0],
+                true,
+            ),
+            (
+                "elastic_transmission",
+                &[221.0, 16.9, 0.0162, 0.0, 0.0, 0.0],
+                false,
+            ),
+            ("backlash", &[1e-4, 1e4, 10.0, 1e-2, 0.0], true),
+            ("backlash", &[0.0, 1e4, 10.0, 1e-2, 0.0], false),
         ];
         for (name, p, expected) in cases {
             let itself = find(name).map(|kind| kind.is_itself(&scales, p));

@@ -179,6 +179,7 @@ impl Hybrid {
         let first = self.constants.len();
         let index = self.effects.len();
         let known = self.known_strength(effect.kind, effect.target);
+        debug_assert_eq!(values.len(), effect.kind.parameters.len());
         for (k, (spec, &value)) in effect.kind.parameters.iter().zip(values).enumerate() {
             self.constants.push(Constant {
                 id: ConstantId::Effect(index, k),
@@ -216,7 +217,7 @@ impl Hybrid {
                 self.constants[range.start].lower = placed.kind.lower_bound(0, known);
             }
         }
-        if effect.kind.inertial().is_some() {
+        if effect.kind.changes(values).is_some() {
             self.extra = Extra::of(self).map(Arc::new);
         }
     }
@@ -264,6 +265,12 @@ impl Hybrid {
                 let own = self.constants[self.ranges[i].clone()].iter();
                 let values: Vec<f64> = own.map(|c| c.value).collect();
                 rest.add(*effect, &values);
+                // Fits go on with what they were given.
+                let new = rest.ranges.last().cloned().unwrap_or_default();
+                let own = &self.constants[self.ranges[i].clone()];
+                for (new, old) in rest.constants[new].iter_mut().zip(own) {
+                    new.tolerance = old.tolerance;
+                }
             }
         }
         for (network, open) in self.networks.iter().zip(&self.open) {

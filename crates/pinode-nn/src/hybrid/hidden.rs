@@ -50,6 +50,21 @@ impl Hybrid {
         h
     }
 
+    /// A state (q, v, h) at the first sample of `inputs`, of which `initial` has all or q and v alone.
+    pub(crate) fn whole_start(
+        &self,
+        initial: &[f64],
+        theta: &[f64],
+        inputs: &DrivenInputs,
+    ) -> Vec<f64> {
+        let mut start = initial.to_vec();
+        if start.len() < self.nx() {
+            let (_, v) = initial.split_at(self.nq().min(initial.len()));
+            start.extend(self.hidden_start(v, theta, inputs, 0));
+        }
+        start
+    }
+
     /// h along a recording under `inputs`, when q and v go as `motion` has them, (q, v) a sample, linear in between. Each effect is
     /// taken by itself, from its [`hidden_start`](Self::hidden_start).
     pub fn hidden_path(
@@ -82,6 +97,26 @@ impl Hybrid {
             let mut h = [0.0; MOST_STATES];
             let h = &mut h[..own.len()];
             h.copy_from_slice(&start[own.clone()]);
+            // Of a motor that is read T = f − J v̇_m is known.
+            if let Some(motor) = self.motor_read(index, theta) {
+                let last = samples.saturating_sub(2);
+                for (sample, state) in states.iter().enumerate() {
+                    let before = sample.min(last);
+                    let steps = inputs.grid.steps_from(before);
+                    let (Some(next), false) = (states.get(before + 1), steps.is_empty()) else {
+                        break;
+                    };
+                    self.drive_directly(inputs, steps.start, &mut driven);
+                    let (at, f) = self.force_seen(index, inputs, steps.start, &driven);
+                    let v = |state| self.parts_without_memory(state).v[at.v];
+                    let time = inputs.grid.bounds[steps.end] - inputs.grid.bounds[steps.start];
+                    let inertia = p[motor.inertia] * (v(next) - v(&states[before])) / time;
+                    law.start(v(state), f - inertia, p, h);
+                    let to = nh * sample + own.start;
+                    path.values[to..to + own.len()].copy_from_slice(h);
+                }
+                continue;
+            }
             for sample in 0..samples - 1 {
                 let (a, b) = (&states[sample], &states[sample + 1]);
                 let steps = inputs.grid.steps_from(sample);
@@ -146,7 +181,7 @@ impl Hybrid {
     /// The fastest rate of the effects with a memory, 1/s.
     pub fn fastest_memory(&self, theta: &[f64], scales: &[Scales]) -> f64 {
         self.fastest(theta, scales, |kind, scale, p| {
-            Some(kind.memory()?.fastest(scale.speed, scale.mass, p))
+            Some(kind.memory()?.fastest(scale.speed, scale.free_mass, p))
         })
     }
 

@@ -1,7 +1,7 @@
-//! What the sensors of the model read: y(t) = offset + factor q(t − delay).
+//! What the sensors of the model read: y(t) = offset + factor q(t − delay); of a sensor on the [motor](Motor) of a drive, q + e in place of q.
 
-use super::Hybrid;
-use crate::effect::{Action, Distortion};
+use super::{Hybrid, Placed};
+use crate::effect::{Action, Distortion, Motor};
 
 /// The reading of one coordinate's sensor, with its derivatives.
 #[derive(Debug, Clone, PartialEq)]
@@ -12,17 +12,24 @@ pub struct Reading {
     pub factor: f64,
     /// Age of what is read, s.
     pub delay: f64,
+    /// Where e and the motor's velocity are in a state (q, v, h), of a sensor that is on a motor.
+    on_motor: Option<(usize, usize)>,
     /// Column of θ_free, what it changes, and by how much: ∂offset, ∂factor or ∂delay.
     columns: Vec<(usize, Distortion, f64)>,
 }
+
+/// Products of weights and states: (sample, index in the state, weight). Two of positions, two of velocities, and two of the ways from there to motors.
+pub type Terms = [(usize, usize, f64); 6];
+/// The first four.
+type OfJoint = [(usize, usize, f64); 4];
 
 /// A measurement that the model predicts, linear in the states at one or two samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Predicted {
     /// The reading.
     pub value: f64,
-    /// (sample, index in q or v, weight): ∂reading/∂state.
-    pub terms: [(usize, usize, f64); 4],
+    /// (sample, index in the state, weight): ∂reading/∂state.
+    pub terms: Terms,
     /// q(t − delay), or v.
     pub undistorted: f64,
     /// Its rate.
@@ -38,12 +45,17 @@ impl Hybrid {
             offset: theta[zero],
             factor: 1.0,
             delay: 0.0,
+            on_motor: None,
             columns: Vec::new(),
         };
         let zero = column(zero).map(|k| (k, Distortion::Offset, 1.0));
         reading.columns.extend(zero);
-        for (effect, range) in self.effects.iter().zip(&self.ranges) {
+        for (index, (effect, range)) in self.effects.iter().zip(&self.ranges).enumerate() {
             let Action::Sensor(distortion) = effect.kind.action else {
+                if self.reads_motor(index, theta) == Some(c) {
+                    let h = self.nq() + self.nv() + self.state_ranges[index].start;
+                    reading.on_motor = Some((h, h + 1));
+                }
                 continue;
             };
             if effect.target != c {
@@ -70,6 +82,36 @@ impl Hybrid {
             reading.columns.extend(own);
         }
         reading
+    }
+
+    /// The motor of effect `index`, if its joint's sensor is on it.
+    pub(super) fn motor_read(&self, index: usize, theta: &[f64]) -> Option<Motor> {
+        let motor = self.effects[index].kind.motor()?;
+        let p = &theta[self.ranges[index].clone()];
+        motor.is_read(p).then_some(motor)
+    }
+
+    /// The coordinate whose sensor is on the motor of effect `index`, if one is.
+    fn reads_motor(&self, index: usize, theta: &[f64]) -> Option<usize> {
+        self.motor_read(index, theta)?;
+        let Placed { kind, target, .. } = self.effects[index];
+        Some(self.coordinate_of(kind, target))
+    }
+
+    /// Takes the stretch of drives off the positions of a state (q, v, h) whose joints are read on the motor, where q is still what was read.
+    pub(crate) fn put_behind_motors(&self, theta: &[f64], state: &mut [f64]) {
+        let first = self.nq() + self.nv();
+        for index in 0..self.effects.len() {
+            if let Some(c) = self.reads_motor(index, theta) {
+                let stretch = state[first + self.state_ranges[index].start];
+                state[self.starts[c].q] -= stretch;
+            }
+        }
+    }
+
+    /// Whether the sensor of coordinate `c` is on a motor.
+    pub(crate) fn is_read_on_motor(&self, c: usize, theta: &[f64]) -> bool {
+        (0..self.effects.len()).any(|index| self.reads_motor(index, theta) == Some(c))
     }
 
     /// The readings of all coordinates.
@@ -104,7 +146,7 @@ impl Reading {
     ) -> Predicted {
         let terms = self.terms((q, v), t, k, false);
         let rate = self.terms((q, v), t, k, true);
-        self.predict(terms, rate, nx, states, self.offset)
+        self.predict(terms, rate, v, nx, states, self.offset)
     }
 
     /// The same for a velocity that is measured.
@@ -121,7 +163,7 @@ impl Reading {
             _ => self.terms((q, v), t, k, true),
         };
         let rate = self.acceleration((q, v), t, k);
-        self.predict(terms, rate, nx, states, 0.0)
+        self.predict(terms, rate, v, nx, states, 0.0)
     }
 
     /// The position behind a reading `y` that changes with the rate `rate`.
@@ -131,13 +173,15 @@ impl Reading {
 
     fn predict(
         &self,
-        terms: [(usize, usize, f64); 4],
-        rate: [(usize, usize, f64); 4],
+        terms: OfJoint,
+        rate: OfJoint,
+        v: usize,
         nx: usize,
         states: &[f64],
         offset: f64,
     ) -> Predicted {
-        let sum = |terms: &[(usize, usize, f64); 4]| -> f64 {
+        let [terms, rate] = [terms, rate].map(|terms| self.of_motor(terms, v));
+        let sum = |terms: &Terms| -> f64 {
             let used = terms.iter().filter(|(.., weight)| *weight != 0.0);
             used.map(|(k, i, weight)| weight * states[k * nx + i]).sum()
         };
@@ -150,14 +194,29 @@ impl Reading {
         }
     }
 
+    /// What is said of a joint whose velocity is at `v`, of its motor where the sensor is on that: q + e in place of q, v_m in place of v.
+    fn of_motor(&self, terms: OfJoint, v: usize) -> Terms {
+        let [a, b, c, d] = terms;
+        let none = (a.0, a.1, 0.0);
+        let mut all = [a, b, c, d, none, none];
+        let Some((stretch, velocity)) = self.on_motor else {
+            return all;
+        };
+        let mut free = 4;
+        for (i, term) in terms.into_iter().enumerate().filter(|(_, t)| t.2 != 0.0) {
+            match term.1 == v {
+                true => all[i].1 = velocity,
+                false => {
+                    all[free] = (term.0, stretch, term.2);
+                    free += 1;
+                }
+            }
+        }
+        all
+    }
+
     /// q(t_k − delay), or its rate, in terms of the states at samples.
-    fn terms(
-        &self,
-        (q, v): (usize, usize),
-        t: &[f64],
-        k: usize,
-        rate: bool,
-    ) -> [(usize, usize, f64); 4] {
+    fn terms(&self, (q, v): (usize, usize), t: &[f64], k: usize, rate: bool) -> OfJoint {
         let now = if rate { v } else { q };
         let there = [(k, now, 1.0), (k, now, 0.0), (k, now, 0.0), (k, now, 0.0)];
         if self.delay == 0.0 || t.len() < 2 {
@@ -204,12 +263,7 @@ impl Reading {
     }
 
     /// The rate of the velocity at t_k − delay, by the same cubic.
-    fn acceleration(
-        &self,
-        (q, v): (usize, usize),
-        t: &[f64],
-        k: usize,
-    ) -> [(usize, usize, f64); 4] {
+    fn acceleration(&self, (q, v): (usize, usize), t: &[f64], k: usize) -> OfJoint {
         let time = t[k] - self.delay;
         let a = (0..k.min(t.len().saturating_sub(1)))
             .rev()

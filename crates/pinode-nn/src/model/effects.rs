@@ -243,7 +243,10 @@ fn read_one(
             );
         }
         let within = |x: f64| (lower..=spec.largest()).contains(&x);
-        values.extend(table.number_that(spec.name, &bounds, within, faults));
+        values.extend(match spec.is_flag {
+            true => table.boolean(spec.name, faults).map(f64::from),
+            false => table.number_that(spec.name, &bounds, within, faults),
+        });
     }
     let smoothing = if !smoothed {
         None
@@ -267,7 +270,7 @@ fn read_one(
         Target::Input(_) => coordinate,
         Target::Coordinate(at) | Target::Link(at) => Some(at),
     };
-    if let (Some(change), Some(mechanism), Some(at)) = (kind.inertial(), mechanism, on)
+    if let (Some(change), Some(mechanism), Some(at)) = (kind.changes(&values), mechanism, on)
         && let Err(misplaced) = change.check(
             at,
             &*mechanism.mechanics,
@@ -279,6 +282,23 @@ fn read_one(
         faults.at(offset, misplaced.to_string());
     } else if let Some(taken) = taken_fault(kind, &values, coordinate, mechanism) {
         faults.at(table.offset, taken);
+    }
+    let reads = |kind: &Kind, values: &[f64]| kind.motor().is_some_and(|m| m.is_read(values));
+    let is_read = before.iter().any(|(_, other)| match other.target {
+        Target::Input(i) => {
+            reads(other.kind, &other.values)
+                && inputs.get(i).and_then(Input::coordinate) == coordinate
+        }
+        _ => false,
+    });
+    if reads(kind, &values) && is_read {
+        faults.at(
+            table.offset,
+            format!(
+                "the sensor of its joint is on another motor already: say `sensor_on_motor` of one {} alone",
+                kind.name
+            ),
+        );
     }
     Some(EffectEntry {
         kind,
@@ -310,8 +330,9 @@ fn taken_fault(
     coordinate: Option<usize>,
     mechanism: Option<&Mechanism>,
 ) -> Option<String> {
-    let index = kind.memory()?.taken_from_joint()?;
-    let (spec, &taken) = kind.parameters.get(index).zip(values.get(index))?;
+    let motor = kind.motor()?;
+    let taken = motor.inertia_within(values)?;
+    let spec = kind.parameters.get(motor.inertia)?;
     let (mechanism, c) = (mechanism?, coordinate?);
     let moved = moved(c, &*mechanism.mechanics)?;
     let coordinate = mechanism.mechanics.coordinates().get(c)?;

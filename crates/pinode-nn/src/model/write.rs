@@ -384,11 +384,11 @@ fn fill(table: &mut Table, entry: &EffectEntry) {
     for (spec, &value) in entry.kind.parameters.iter().zip(&entry.values) {
         // A part that is not there cannot be written; what a file means by leaving it out need not be.
         let unsaid = spec.default == Some(LeftOut::Value(value)) && !table.contains_key(spec.name);
-        put(
-            table,
-            spec.name,
-            (value.is_finite() && !unsaid).then_some(value),
-        );
+        let said = (value.is_finite() && !unsaid).then_some(value);
+        match said {
+            Some(yes) if spec.is_flag => set(table, spec.name, Value::from(yes != 0.0)),
+            _ => put(table, spec.name, said),
+        }
     }
     put(table, "smoothing", entry.smoothing);
     if is_fixed(table) != entry.fixed {

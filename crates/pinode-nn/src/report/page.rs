@@ -9,7 +9,8 @@ use super::gaps::{self, GapRow, HorizonRow, RegionRow, ResidualRow};
 use super::ruled_out::{self, RuledOut};
 use super::sketch::{self, SketchText};
 use super::words::{
-    capital, interval, number, percent, plain, quantity, short, uncertain, verdict, with_unit,
+    capital, interval, is_flag, number, percent, plain, quantity, short, uncertain, verdict,
+    with_unit,
 };
 use crate::diagnose::curves::Curves;
 use crate::diagnose::verdict::{
@@ -169,6 +170,9 @@ fn effect(effect: &NamedEffect) -> EffectText {
             .parameters
             .iter()
             .map(|(name, value)| {
+                if is_flag(effect, name) {
+                    return (plain(name), "yes".to_owned(), String::new());
+                }
                 let interval = match value.half_interval() {
                     Some(half) => with_unit(
                         interval([value.value - half, value.value + half], half),

@@ -222,6 +222,12 @@ fn missing(effects: &[NamedEffect]) -> String {
     }
 }
 
+/// Whether a parameter of an effect is a yes or a no.
+pub fn is_flag(effect: &NamedEffect, name: &str) -> bool {
+    let kind = registry::find(&effect.kind);
+    kind.is_some_and(|kind| kind.parameters.iter().any(|p| p.name == name && p.is_flag))
+}
+
 /// The parameters of an effect; one needs no name.
 fn quantities(effect: &NamedEffect) -> Option<String> {
     let single = effect.parameters.len() == 1;
@@ -229,6 +235,7 @@ fn quantities(effect: &NamedEffect) -> Option<String> {
         .parameters
         .iter()
         .map(|(name, p)| match single {
+            _ if is_flag(effect, name) => plain(name),
             true => quantity(p),
             false => format!("{} {}", plain(name), quantity(p)),
         })

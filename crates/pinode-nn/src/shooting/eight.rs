@@ -547,8 +547,12 @@ mod tests {
         let pole_mass = ("added_mass", pole, &[0.02][..]);
         let rotor = ("reflected_inertia", 1, &[0.002][..]);
         let tilt = ("gravity_tilt", 0, &[0.03][..]);
-        let elastic = ("elastic_transmission", 0, &[800.0, 1.0, 0.1][..]);
-        let backlash = ("backlash", 0, &[0.004, 800.0, 2.0, 0.1][..]);
+        let elastic = (
+            "elastic_transmission",
+            0,
+            &[800.0, 1.0, 0.1, 0.4, 1.0, 1.0][..],
+        );
+        let backlash = ("backlash", 0, &[0.004, 800.0, 2.0, 0.1, 0.0][..]);
         let sets: [&[(&str, usize, &[f64])]; 16] = [
             &[coulomb],
             &[gain],
@@ -582,7 +586,7 @@ mod tests {
     #[test]
     fn eight_states_without_an_acceleration_are_an_error() {
         // No inertia is left of the cart's once its motor takes more than there is.
-        let hybrid = cart_pole_with(&[("backlash", 0, &[0.004, 800.0, 2.0, 100.0])]);
+        let hybrid = cart_pole_with(&[("backlash", 0, &[0.004, 800.0, 2.0, 100.0, 0.0])]);
         let (theta, free) = (hybrid.theta(), hybrid.free());
         let t: Vec<f64> = (0..4).map(|k| f64::from(k) * 0.02).collect();
         let inputs = hybrid.drive(&t, &[vec![1.0; 4]], 4, &theta, &free);

@@ -377,7 +377,7 @@ mod tests {
             target: 0,
             ..stuck
         };
-        hybrid.add(elastic, &[75.0, 0.3, 0.035]);
+        hybrid.add(elastic, &[75.0, 0.3, 0.035, 0.0, 0.0, 0.0]);
         let hybrid = hybrid.stepped_implicitly(true);
         let (theta, free) = (hybrid.theta(), hybrid.free());
         let start = [0.1, 3.0, -0.2, 0.4, 0.0, 0.0];

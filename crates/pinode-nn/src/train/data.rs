@@ -17,7 +17,8 @@ use crate::entries::{refuse_poses, starts};
 use crate::hybrid::{DrivenInputs, HiddenPath, Hybrid, Reading};
 use crate::learnt::{Feature, Output, Quantity};
 use crate::log::{Log, typical_interval};
-use crate::model::Model;
+use crate::model::{EffectEntry, Model};
+use crate::naming::quoted;
 use crate::shooting::{Observations, ObservedRun, Window};
 
 /// What this is called in errors.
@@ -77,6 +78,23 @@ pub(crate) struct Side {
     pub trust: Vec<Vec<f64>>,
 }
 
+/// Networks are fitted to where joints are, which a sensor on a motor does not say.
+fn refuse_read_motors(model: &Model) -> Result<(), Error> {
+    let is_read = |entry: &&EffectEntry| {
+        let motor = entry.kind.motor();
+        motor.is_some_and(|motor| motor.is_read(&entry.values))
+    };
+    match model.effects.iter().find(is_read) {
+        None => Ok(()),
+        Some(entry) => Err(Error::Training(format!(
+            "the {} on {} has `sensor_on_motor = true`: networks are trained on where joints are, and its sensor reads its motor; leave it to \
+             `pinode diagnose`, or log the joint itself",
+            entry.kind.name,
+            quoted(model.target_name(entry.target)),
+        ))),
+    }
+}
+
 impl Recordings {
     /// Those of `logs`; what is held out is `held_out`, or the last eighth of each recording where that is empty.
     pub fn new(
@@ -87,6 +105,7 @@ impl Recordings {
     ) -> Result<Self, Error> {
         let coordinates = model.mechanics.coordinates();
         refuse_poses(coordinates, WORK)?;
+        refuse_read_motors(model)?;
         let mut all = logs.iter().chain(held_out);
         all.try_for_each(|log| log.check(model))?;
         let hybrid = Hybrid::explicit(model);

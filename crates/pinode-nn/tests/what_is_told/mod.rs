@@ -5,6 +5,7 @@ mod balanced;
 mod carts;
 mod clocks;
 mod coupled;
+mod drives;
 mod exact;
 mod inertias;
 mod known;

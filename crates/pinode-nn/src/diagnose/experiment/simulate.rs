@@ -61,6 +61,7 @@ impl<'a> Simulator<'a> {
         start.resize(2 * nv, 0.0);
         let rest = vec![0.0; nv];
         start.extend(hybrid.hidden_start(&rest, &theta, &inputs, 0));
+        hybrid.put_behind_motors(&theta, &mut start);
         let states = self.states(hybrid, &theta, &inputs, start);
         let nx = hybrid.nx();
         let t = t.get(..states.len() / nx)?;

@@ -169,7 +169,9 @@ impl Extra {
         let variants = hybrid.variants.as_deref();
         let mut tilts = Vec::new();
         for (effect, range) in hybrid.effects.iter().zip(&hybrid.ranges) {
-            let Some(change) = effect.kind.inertial() else {
+            let own = hybrid.constants[range.clone()].iter();
+            let values: Vec<f64> = own.map(|c| c.value).collect();
+            let Some(change) = effect.kind.changes(&values) else {
                 continue;
             };
             let slot = extra.parameters.len();
