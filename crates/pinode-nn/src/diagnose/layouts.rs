@@ -8,7 +8,7 @@ use super::candidate::Candidate;
 use super::comparison::{Comparison, RELIEF};
 use super::found::{SAME, position, stripped};
 use super::refine::{Contender, ITERATIONS, SHARE, best, best_of_starts, contender, is_sensible};
-use super::step::{Report, leaves_something};
+use super::step::Report;
 use super::study::{Fitted, Study};
 use super::unstretched::unstrained;
 use super::valley::{along_the_valley, laid_out, swinging};
@@ -155,7 +155,8 @@ pub fn drives(
 ) -> Vec<Contender> {
     let hybrid = &current.hybrid;
     let leaving = left.unwrap_or(current);
-    if !leaves_something(study, leaving) {
+    // What is loud alone may be the noise.
+    if leaving.left(study).is_none() && leaving.most_excess(study) < LOUD.1 {
         return Vec::new();
     }
     let least = left.map_or(LOUD.0, |_| LOUD.1);

@@ -16,7 +16,7 @@ use super::refine::{Contender, ITERATIONS, is_sensible, polish, rank};
 use super::remainder::Remainder;
 use super::screen;
 use super::step::{
-    LEAST_T2, Report, Step, Turn, is_dear, is_second_choice, may_rub, refine_dear, step_from,
+    LEAST_T2, LOUD, Report, Step, Turn, is_dear, is_second_choice, may_rub, refine_dear, step_from,
 };
 use super::study::{Fitted, Study};
 use super::unseen_spring::unseen_spring;
@@ -32,8 +32,10 @@ const GENEROUS: u64 = 1;
 /// What follows from something may come of the integration steps where it explains no more nats a sample. These are chosen so that they move a
 /// prediction by less than a third of the noise, 0.05 nats, before it is known that an input is late by a part of one.
 const OF_STEPS: f64 = 0.5;
-/// A drive that no screen has seen leaves no residual as large as this part of what there was.
+/// A drive that no screen has seen leaves next to no residual, or none as large as this part of what there was.
 const ALL: f64 = 3.0;
+/// Particulars of a drive are what it is rather than another layout where they explain more by so many nats.
+const AHEAD: f64 = 10.0;
 /// Iterations of the initial states when pushes are taken away.
 const STATES_ALONE: usize = 5;
 
@@ -219,7 +221,8 @@ fn laid_out(
     let drive = &contenders[accepted];
     let is_drive = drives.contains(&drive.added);
     // A law between two coordinates is a drive's on one of them.
-    let explains_all = ALL * drive.fitted.most_excess(study) < base.most_excess(study);
+    let leaves = drive.fitted.most_excess(study);
+    let explains_all = leaves < LOUD || ALL * leaves < base.most_excess(study);
     (is_drive && explains_all).then(|| Step {
         screened: first.screened.clone(),
         contenders,
@@ -560,15 +563,17 @@ impl Place {
     /// What a drive leaves that is laid out in another way than it is named, or has particulars, is not missing.
     fn lay_out(&mut self, null: &Fitted, candidate: &Candidate, report: Report) {
         let (study, current) = (&self.study, &self.current);
+        let particulars = |model: &Fitted| with_particulars(study, model, candidate);
         let laid_out = laid_out_otherwise(study, null, current, candidate);
-        let particular = with_particulars(study, current, candidate);
-        let constants = |model: &Fitted| model.inside.free.len();
+        let laid_out = laid_out.map(|model| particulars(&model).unwrap_or(model));
+        let particular = particulars(current);
         let score = |model: &Fitted| {
-            let more = constants(model).saturating_sub(constants(current));
-            model.score(more)
+            let (new, old) = (model.inside.free.len(), current.inside.free.len());
+            model.score(new.saturating_sub(old))
         };
+        // Of a load alone a motor that is next to nothing, with friction, swings as one within the mass does: what is only as good is laid out otherwise.
         let is_laid_out = match (&laid_out, &particular) {
-            (Some(laid_out), Some(particular)) => score(laid_out) > score(particular),
+            (Some(laid_out), Some(particular)) => score(particular) < score(laid_out) + AHEAD,
             (laid_out, _) => laid_out.is_some(),
         };
         let Some(model) = (if is_laid_out { laid_out } else { particular }) else {
@@ -579,10 +584,6 @@ impl Place {
             false => "the drive has particulars: teeth, or friction of its motor",
         });
         self.current = model;
-        if is_laid_out && let Some(model) = with_particulars(&self.study, &self.current, candidate)
-        {
-            self.current = model;
-        }
     }
 
     /// What explicit steps do to a joint that sticks, where they are too long for it, is chance.

@@ -43,7 +43,7 @@ const PAIRS: usize = 4;
 /// Candidates with 1 − ρ² below this look alike to the screen.
 const ALIKE: f64 = 0.02;
 /// Residuals of so many times the noise are no noise, whether they follow from anything or not …
-const LOUD: f64 = 1.5;
+pub const LOUD: f64 = 1.5;
 /// … and a model with residuals of so many times is far from the log.
 const FAR: f64 = 5.0;
 
@@ -79,11 +79,6 @@ pub fn may_rub(study: &Study, fitted: &Fitted, first: bool) -> bool {
 /// Whether a model leaves residuals far above the noise.
 fn is_loud(study: &Study, fitted: &Fitted) -> bool {
     fitted.most_excess(study) > LOUD
-}
-
-/// Whether a model leaves something beyond doubt: what follows from something, or what is far above the noise.
-pub fn leaves_something(study: &Study, fitted: &Fitted) -> bool {
-    fitted.left(study).is_some() || is_loud(study, fitted)
 }
 
 /// What has states of its own takes many times the time of what has none: it is tried where that leaves something to explain.
