@@ -13,6 +13,7 @@ use super::released::Instead;
 use super::search::Search;
 use super::study::Study;
 use super::unseen_spring::UnseenSpring;
+use super::valley::Swing;
 use super::verdict::{
     Change, EVEN, FittedConstant, Gap, InputExcitation, Moved, Name, NamedEffect, Numerics,
     Unexplained, Verdict,
@@ -341,6 +342,18 @@ pub fn unseen_spring(spring: &UnseenSpring, hybrid: &Hybrid, inputs: &[Input]) -
          data; sharp steps of the input, sampled faster than the motor swings on its spring, would show it.",
         joint.name,
         number(spring.stiffness)
+    ))
+}
+
+/// What a drive shows whose motor does not.
+pub fn swings(swing: &Swing, drive: &Candidate, inputs: &[Input]) -> Option<String> {
+    let input = &inputs.get(drive.target)?.name;
+    let (frequency, error) = swing.frequency;
+    Some(format!(
+        "these data show what the drive of `{input}` swings like, {} Hz with {} % of the critical damping, and little of its motor: another one with another \
+         spring, and with the same frequency, does nearly the same. A sensor on the motor tells them apart.",
+        uncertain(frequency, Some(error)),
+        number(100.0 * swing.damping)
     ))
 }
 

@@ -30,6 +30,29 @@ const LOUD: (f64, f64) = (1.05, 2.5);
 /// A motor of less than this share of what its joint moves is little beside what is known of masses.
 const LITTLE: f64 = 0.1;
 
+/// A motor on top of the mechanism that is so many times its standard error shows.
+const SHOWN: f64 = 2.0;
+
+/// Where the motor counts in a layout that is taken where another does as well; the joint's sensor is on the load.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Usual {
+    OnTop,
+    Within,
+}
+
+impl Usual {
+    fn is(self, motor: Motor, p: &[f64]) -> bool {
+        let within = motor.within.is_some_and(|flag| p[flag] != 0.0);
+        within == (self == Usual::Within)
+    }
+}
+
+/// The constants of a drive in a fitted model.
+fn constants_of<'a>(fitted: &'a Fitted, drive: &Candidate) -> Option<&'a [f64]> {
+    let index = position(fitted, drive)?;
+    fitted.inside.theta.get(fitted.hybrid.range(index))
+}
+
 /// The values of the flags of a motor, one set a layout; the first is the one that is named.
 fn layouts(motor: Motor) -> Vec<Vec<(usize, f64)>> {
     let withins = motor.within.map_or(&[0.0][..], |_| &[0.0, 1.0]);
@@ -46,12 +69,13 @@ fn is_sure(lead: &Comparison) -> bool {
     lead.inside.z > SURE.0 && lead.outside.z > SURE.1
 }
 
-/// The best fit of `candidate` beside `current`, over its layouts, from where it swings as at each of `from` and nothing is strained.
+/// The best fit of `candidate` beside `current`, over its layouts, from where it swings as at each of `from` and nothing is strained. What the `usual` one does as well is laid out so.
 fn best_layout(
     study: &Study,
     (current, hybrid, theta): (&Fitted, &Hybrid, &[f64]),
     candidate: Candidate,
     from: &[Vec<f64>],
+    usual: Usual,
 ) -> Option<Fitted> {
     let (kind, motor) = (candidate.kind, candidate.kind.motor()?);
     let mass = candidate.scales(hybrid, &study.scales).free_mass;
@@ -90,13 +114,9 @@ fn best_layout(
     });
     let fits = fits.filter(|fit| is_sensible(study, &candidate, fit));
     let fits: Vec<Fitted> = fits.collect();
-    // What the layout that is named does as well has its name.
     let named = fits.iter().find(|fit| {
-        let flags = position(fit, &candidate).map(|index| fit.hybrid.range(index));
-        flags.is_some_and(|range| {
-            let p = &fit.inside.theta[range];
-            !motor.is_read(p) && motor.within.is_none_or(|flag| p[flag] == 0.0)
-        })
+        let own = constants_of(fit, &candidate);
+        own.is_some_and(|p| !motor.is_read(p) && usual.is(motor, p))
     });
     let named = named.cloned();
     let best = best(fits)?;
@@ -112,25 +132,37 @@ fn best_layout(
 
 /// Whether a drive of this model has a motor on top of the mechanism that is no larger than what is not known of its mass: then it may as well be within.
 fn may_be_within(study: &Study, model: &Fitted, drive: &Candidate) -> bool {
-    let placed = drive.kind.motor().zip(position(model, drive));
-    placed.is_some_and(|(motor, index)| {
-        let p = &model.inside.theta[model.hybrid.range(index)];
+    let placed = drive.kind.motor().zip(constants_of(model, drive));
+    placed.is_some_and(|(motor, p)| {
         let mass = drive.scales(&model.hybrid, &study.scales).free_mass;
         motor.inertia_within(p).is_none() && p[motor.inertia] < LITTLE * mass
     })
 }
 
-/// The model with the drive that was `accepted` laid out in another way, where that explains more; `base` is the model that the search began with.
+/// Whether the data show that the mechanism has the inertia of this drive's motor on top of its own.
+fn shows_on_top(study: &Study, model: &Fitted, drive: &Candidate) -> bool {
+    let placed = drive.kind.motor().zip(position(model, drive));
+    placed.is_none_or(|(motor, index)| {
+        let i = model.hybrid.range(index).start + motor.inertia;
+        let mut free = model.inside.free.iter().zip(model.standard_errors(study));
+        let error = free.find(|(k, _)| **k == i);
+        error.is_none_or(|(_, error)| model.inside.theta[i] > SHOWN * error)
+    })
+}
+
+/// The model with the drive that was `accepted` laid out in another way, where that explains more; or as much, of a motor on top that does not show. `base` is the model that the
+/// search began with.
 pub fn laid_out_otherwise(
     study: &Study,
     base: &Fitted,
     model: &Fitted,
     accepted: &Candidate,
 ) -> Option<Fitted> {
-    accepted.kind.motor()?;
+    let motor = accepted.kind.motor()?;
     let index = position(model, accepted)?;
     let is_wanting = model.most_excess(study) > LOUD.1 || model.inside.stretch > RELIEF;
-    if !is_wanting && !may_be_within(study, model, accepted) {
+    let may_be_within = may_be_within(study, model, accepted);
+    if !is_wanting && !may_be_within {
         return None;
     }
     let mut own = model.inside.theta[model.hybrid.range(index)].to_vec();
@@ -140,10 +172,17 @@ pub fn laid_out_otherwise(
             *p = usual;
         }
     }
+    let usual = match may_be_within && !shows_on_top(study, model, accepted) {
+        true => Usual::Within,
+        false => Usual::OnTop,
+    };
     let (hybrid, theta) = stripped(base, model, index);
-    let other = best_layout(study, (model, &hybrid, &theta), *accepted, &[own])?;
+    let other = best_layout(study, (model, &hybrid, &theta), *accepted, &[own], usual)?;
     let lead = Comparison::of(&other, model);
-    (is_sure(&lead) && lead.total() > SAME).then_some(other)
+    let is_usual = usual == Usual::Within
+        && constants_of(&other, accepted).is_some_and(|p| usual.is(motor, p));
+    let leads = is_sure(&lead) && lead.total() > SAME;
+    (leads || is_usual && lead.total() > -SAME).then_some(other)
 }
 
 /// Drives beside `current` on the inputs of coordinates on which `left`, the model with what was found, leaves something beyond doubt; in layouts that no screen has seen.
@@ -186,7 +225,7 @@ pub fn drives(
             let theta = &current.inside.theta;
             let probes = (c.kind.probes)(&c.scales(hybrid, &study.scales), &[]).into_iter();
             let probes: Vec<Vec<f64>> = probes.map(|probe| probe.perturbed).collect();
-            let fitted = best_layout(study, (current, hybrid, theta), c, &probes)?;
+            let fitted = best_layout(study, (current, hybrid, theta), c, &probes, Usual::OnTop)?;
             Some(contender(study, vec![c], fitted, current))
         });
     fitted.collect()

@@ -9,7 +9,7 @@
 use super::pushes::is_push;
 use super::stops::unresolved;
 use super::study::{Fitted, Study};
-use super::width::owed;
+use super::{valley, width};
 use crate::hybrid::Placed;
 use crate::shooting::{FitOptions, Window, fit};
 
@@ -19,14 +19,21 @@ const ITERATIONS: usize = 20;
 const STATES_ALONE: usize = 3;
 
 impl Fitted {
-    /// Standard errors of the constants that were free, in the order of `inside.free`, with what samples do not resolve of [stops](unresolved) and what they [owe](owed)
-    /// to how sharply dry friction changes its sign; computed once.
+    /// Standard errors of the constants that were free, in the order of `inside.free`, with what samples do not resolve of [stops](unresolved), what they [owe](width::owed)
+    /// to how sharply dry friction changes its sign, and [to motors](valley::owed) that are not known better; computed once.
     pub fn standard_errors(&self, study: &Study) -> &[f64] {
         self.errors.get_or_init(|| {
             let mut errors = self.inside.standard_errors();
-            let off = unresolved(study, self).into_iter().zip(owed(study, self));
-            for (error, (stops, width)) in errors.iter_mut().zip(off) {
-                *error = error.hypot(stops).hypot(width);
+            let off = [
+                unresolved(study, self),
+                width::owed(study, self),
+                valley::owed(study, self),
+            ];
+            for off in off {
+                errors
+                    .iter_mut()
+                    .zip(off)
+                    .for_each(|(e, off)| *e = e.hypot(off));
             }
             if let Some(theta) = fit_to_longer(study, self) {
                 for (error, &i) in errors.iter_mut().zip(&self.inside.free) {

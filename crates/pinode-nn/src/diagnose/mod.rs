@@ -45,6 +45,7 @@ mod linear;
 mod locate;
 mod longer;
 mod misfit;
+mod nuisance;
 mod numerics;
 pub(crate) mod pace;
 mod particulars;
@@ -328,6 +329,10 @@ pub(crate) fn diagnose_into(
     let springs = search.found.iter().filter_map(|f| f.unseen_spring.as_ref());
     let hybrid = &search.model.hybrid;
     advice.extend(springs.filter_map(|s| advise::unseen_spring(s, hybrid, &model.inputs)));
+    advice.extend(search.found.iter().filter_map(|found| {
+        let swing = valley::swing(study, &search.model, &found.candidate)?;
+        advise::swings(&swing, &found.candidate, &model.inputs)
+    }));
     let change = constancy::change(study, &search, &names);
     let recordings = recordings(logs.iter().chain(held_out));
     advice.extend(change.as_ref().map(|c| advise::changing(c, &recordings)));

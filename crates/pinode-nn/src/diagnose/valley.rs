@@ -1,10 +1,15 @@
 //! Motors of all sizes that do much the same.
 //!
 //! Of a drive whose load alone is read a log shows what it swings like, k (1/J + 1/m) and d/k, or for how long a play leaves the motor without force, g J; J by itself shows by what
-//! little else depends on it. Iterations creep along that valley, so that motors of other sizes are tried.
+//! little else depends on it. Iterations creep along that valley, and standard errors take it for straight: so that motors of other sizes are tried, each held while all else is
+//! fitted, and what the best of those would move by is a part of the errors (the profile likelihood, Venzon & Moolgavkar, "A method for computing profile-likelihood-based
+//! confidence intervals", Applied Statistics 37, 1988).
+
+use std::f64::consts::TAU;
 
 use super::candidate::Candidate;
 use super::found::position;
+use super::nuisance::owe;
 use super::refine::best;
 use super::study::{Fitted, Study};
 use crate::effect::{Kind, Motor, ParameterSpec, Quantity};
@@ -14,6 +19,11 @@ const NEARER: [f64; 2] = [1.3, 1.08];
 const MOST: usize = 8;
 const WORTH: f64 = 0.5;
 const FURTHER: usize = 8;
+/// Motors so many times larger and smaller are held, one after the other until the data notice it, by so many nats.
+const SIZES: [f64; 4] = [1.1, 1.5, 4.0, 20.0];
+const NOTICED: f64 = 1.0;
+/// A motor whose inertia is off by this share of it, one standard error, is not known.
+const UNKNOWN: f64 = 0.3;
 
 /// The spring and the damper of a drive, where fits may move them.
 fn spring(kind: &Kind) -> impl Iterator<Item = usize> {
@@ -22,6 +32,12 @@ fn spring(kind: &Kind) -> impl Iterator<Item = usize> {
         !spec.held && matches!(spec.quantity, Quantity::Stiffness | Quantity::Damping)
     });
     of_spring.map(|(k, _)| k)
+}
+
+/// The play of a drive that has one.
+fn gap(kind: &Kind) -> Option<usize> {
+    let is_gap = |spec: &ParameterSpec| spec.quantity == Quantity::Displacement;
+    kind.parameters.iter().position(is_gap)
 }
 
 /// The drive at `p` with another motor, of this `inertia`, that swings as fast and dies away as soon, before a joint that moves `mass`: with the same
@@ -54,8 +70,7 @@ fn much_the_same(
     (p, mass): (&[f64], f64),
     inertia: f64,
 ) -> Option<Vec<f64>> {
-    let gap = |spec: &ParameterSpec| spec.quantity == Quantity::Displacement;
-    let Some(gap) = kind.parameters.iter().position(gap) else {
+    let Some(gap) = gap(kind) else {
         return swinging((kind, motor), (p, mass), inertia, &[]);
     };
     let mut other = p.to_vec();
@@ -64,38 +79,146 @@ fn much_the_same(
     Some(other)
 }
 
+/// A drive of a fitted model that has a motor, and where its constants are in θ.
+struct Drive {
+    kind: &'static Kind,
+    motor: Motor,
+    first: usize,
+    mass: f64,
+}
+
+impl Drive {
+    fn of(study: &Study, fitted: &Fitted, drive: &Candidate) -> Option<Self> {
+        Some(Drive {
+            kind: drive.kind,
+            motor: drive.kind.motor()?,
+            first: fitted.hybrid.range(position(fitted, drive)?).start,
+            mass: drive.scales(&fitted.hybrid, &study.scales).free_mass,
+        })
+    }
+
+    fn constants<'a>(&self, fitted: &'a Fitted) -> &'a [f64] {
+        &fitted.inside.theta[self.first..self.first + self.kind.parameters.len()]
+    }
+
+    /// The index of the motor's inertia in θ.
+    fn index(&self) -> usize {
+        self.first + self.motor.inertia
+    }
+
+    fn inertia(&self, fitted: &Fitted) -> f64 {
+        fitted.inside.theta[self.index()]
+    }
+
+    /// The best fit with a motor of this `inertia`, from where the drive does much the same.
+    fn held_at(&self, study: &Study, fitted: &Fitted, inertia: f64) -> Option<Fitted> {
+        let p = self.constants(fitted);
+        let other = much_the_same((self.kind, self.motor), (p, self.mass), inertia)?;
+        let mut theta = fitted.inside.theta.clone();
+        theta[self.first..self.first + p.len()].copy_from_slice(&other);
+        let mut hybrid = fitted.hybrid.clone();
+        hybrid.constants_mut()[self.index()].tolerance = 0.0;
+        Some(study.fit(hybrid, fitted.start(theta), 1, FURTHER))
+    }
+}
+
 /// A fit with another motor that does much the same: of a load alone a log shows little but what it swings like, and iterations creep along what does the same.
-pub fn along_the_valley(study: &Study, mut fitted: Fitted, drive: &Candidate) -> Fitted {
-    let (kind, Some(motor)) = (drive.kind, drive.kind.motor()) else {
+pub fn along_the_valley(study: &Study, fitted: Fitted, drive: &Candidate) -> Fitted {
+    let Some(drive) = Drive::of(study, &fitted, drive) else {
         return fitted;
     };
-    let mass = drive.scales(&fitted.hybrid, &study.scales).free_mass;
-    let inertia = |fitted: &Fitted| {
-        let index = position(fitted, drive)?;
-        Some(fitted.inside.theta[fitted.hybrid.range(index).start + motor.inertia])
-    };
-    let with = |fitted: &Fitted, inertia: f64| {
-        let range = fitted.hybrid.range(position(fitted, drive)?);
-        let p = &fitted.inside.theta[range.clone()];
-        let other = much_the_same((kind, motor), (p, mass), inertia)?;
-        let mut theta = fitted.inside.theta.clone();
-        theta[range].copy_from_slice(&other);
-        Some(study.fit(fitted.hybrid.clone(), fitted.start(theta), 1, FURTHER))
-    };
+    let is_better = |other: &Fitted, fitted: &Fitted| other.score(0) > fitted.score(0) + WORTH;
+    let mut furthest: Option<Fitted> = None;
     for factor in NEARER {
         for _ in 0..MOST {
-            let Some(own) = inertia(&fitted) else {
-                break;
-            };
-            let others = [factor, 1.0 / factor].map(|factor| with(&fitted, factor * own));
-            let better = best(others.into_iter().flatten().collect());
-            match better.filter(|other| other.score(0) > fitted.score(0) + WORTH) {
-                Some(better) => fitted = better,
-                None => break,
+            let from = furthest.as_ref().unwrap_or(&fitted);
+            let own = drive.inertia(from);
+            let others = [factor, 1.0 / factor].map(|f| drive.held_at(study, from, f * own));
+            match best(others.into_iter().flatten().collect()) {
+                Some(better) if is_better(&better, from) => furthest = Some(better),
+                _ => break,
             }
         }
     }
-    fitted
+    let Some(held) = furthest else {
+        return fitted;
+    };
+    let start = held.start(held.inside.theta.clone());
+    let freed = study.fit(fitted.hybrid.clone(), start, 1, FURTHER);
+    match is_better(&freed, &fitted) {
+        true => freed,
+        false => fitted,
+    }
+}
+
+/// By how much each of the constants that were free may be off, in the order of `inside.free`, because the motors of drives are not known better: what it [owes](owe) to them, by
+/// the [nearest](SIZES) motors that the data notice.
+pub fn owed(study: &Study, fitted: &Fitted) -> Vec<f64> {
+    let mut owed = vec![0.0_f64; fitted.inside.free.len()];
+    let effects = fitted.hybrid.effects().iter();
+    let drives = effects.map(|placed| Candidate {
+        kind: placed.kind,
+        target: placed.target,
+    });
+    let drives = drives.filter_map(|drive| Drive::of(study, fitted, &drive));
+    for drive in drives.filter(|drive| fitted.inside.free.contains(&drive.index())) {
+        let own = drive.inertia(fitted);
+        for larger in [true, false] {
+            let mut from: Option<Fitted> = None;
+            for size in SIZES {
+                let inertia = if larger { own * size } else { own / size };
+                let Some(other) = drive.held_at(study, from.as_ref().unwrap_or(fitted), inertia)
+                else {
+                    break;
+                };
+                let lost = fitted.score(0) - other.score(0);
+                owe(&mut owed, (fitted, &other), lost);
+                if lost > NOTICED {
+                    break;
+                }
+                from = Some(other);
+            }
+        }
+    }
+    owed
+}
+
+/// What the load of an elastic drive swings like against its motor, and how well that is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Swing {
+    /// √(k (1/J + 1/m)) / 2π, Hz, and its standard error.
+    pub frequency: (f64, f64),
+    /// The damping, of the critical one.
+    pub damping: f64,
+}
+
+/// What the drive of a fitted model swings like, where the data show little of its motor; `None` of a play.
+pub fn swing(study: &Study, fitted: &Fitted, candidate: &Candidate) -> Option<Swing> {
+    let drive = Drive::of(study, fitted, candidate)?;
+    let error = |fit: &Fitted, errors: &[f64], index: usize| {
+        let free = fit.inside.free.iter().position(|&i| i == index)?;
+        errors.get(free).copied()
+    };
+    let own = drive.inertia(fitted);
+    let errors = fitted.standard_errors(study);
+    if gap(drive.kind).is_some() || error(fitted, errors, drive.index())? < UNKNOWN * own {
+        return None;
+    }
+    let of = |quantity| {
+        let mut specs = drive.kind.parameters.iter();
+        specs.position(|spec| spec.quantity == quantity && !spec.held)
+    };
+    let (stiffness, damping) = (of(Quantity::Stiffness)?, of(Quantity::Damping)?);
+    let known = drive.held_at(study, fitted, own)?;
+    let p = drive.constants(&known);
+    let inverse = drive.motor.inverse(drive.mass, p);
+    let rate = (p[stiffness] * inverse).sqrt();
+    let spread = known.inside.standard_errors();
+    let spread = error(&known, &spread, drive.first + stiffness)? / p[stiffness];
+    Some(Swing {
+        frequency: (rate / TAU, 0.5 * spread * rate / TAU),
+        damping: 0.5 * p[damping] * inverse / rate,
+    })
 }
 
 #[cfg(test)]

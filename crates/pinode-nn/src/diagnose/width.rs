@@ -7,6 +7,7 @@ use std::f64::consts::SQRT_2;
 
 use super::candidate::Candidate;
 use super::comparison::Comparison;
+use super::nuisance::owe;
 use super::study::{Fitted, Study};
 use crate::effect::Quantity;
 use crate::hybrid::{Hybrid, Placed};
@@ -22,14 +23,14 @@ const SHARE: usize = 4;
 const TRIED: usize = 4;
 const WORTH_A_TRIAL: f64 = 3.0;
 const NEARER: [(f64, usize); 4] = [(2.0, 5), (SQRT_2, 1), (1.19, 1), (1.09, 1)];
+/// Over ranges as close as that the likelihood is a parabola of their logarithm, whose top says whether closer ones would gain enough.
+const PARABOLIC: f64 = 1.5;
 /// A range that gains so many nats on the seen windows, and any on those held out, is the one: it is no effect that asks for a name.
 const IS_IT: f64 = 6.0;
 /// … and no wider than this share of a speed over which its law changes: what is wider is a part of the law.
 const NARROW: f64 = 0.1;
 /// So many times the usual range is no numerical one.
 const SOFT: f64 = 1.3;
-/// A width that loses less than these nats is as good as the one that was found.
-const AS_GOOD: f64 = 0.5;
 
 /// Whether a fitted effect is dry friction.
 fn is_dry(placed: &Placed) -> bool {
@@ -67,14 +68,20 @@ pub fn respread(study: &Study, fitted: &Fitted, added: &[Candidate]) -> Option<F
             spread(study, fitted, factor, ITERATIONS)
         }
     };
-    for (step, most) in NEARER {
+    'nearer: for (step, most) in NEARER {
         for _ in 0..most {
-            let nearer = [step, 1.0 / step].into_iter();
-            let mut nearer = nearer.map(|f| spread(study, &wide, f, ITERATIONS));
-            let Some(better) = nearer.find(|other| gain(other, &wide) > 0.0) else {
-                break;
-            };
-            wide = better;
+            let mut gains = [0.0; 2];
+            let mut nearer = [step, 1.0 / step].into_iter().zip(&mut gains);
+            let better = nearer.find_map(|(factor, gained)| {
+                let other = spread(study, &wide, factor, ITERATIONS);
+                *gained = gain(&other, &wide);
+                (*gained > 0.0).then_some(other)
+            });
+            match better {
+                Some(better) => wide = better,
+                None if step < PARABOLIC && top(gains) < WORTH_A_TRIAL => break 'nearer,
+                None => break,
+            }
         }
     }
     let lead = Comparison::of(&wide, fitted);
@@ -82,10 +89,9 @@ pub fn respread(study: &Study, fitted: &Fitted, added: &[Candidate]) -> Option<F
     (is_it && is_narrow(&wide, fitted, is_its)).then_some(wide)
 }
 
-/// By how much each of the constants that were free may be off, in the order of `inside.free`, because the width is: what it moves by in a fit with another width, as
-/// the width would be moved by one standard error of it. With l(w) the log-likelihood of the best fit, a parabola about its top, that is by
-/// |θ(w′) − θ(w)| / √(2 (l(w) − l(w′))). Nothing where the model says how wide it is, beside end stops, whose blows decide what little it shows,
-/// and beside a network that was taught, which would be taught again; by a wider one only where that is still [narrow](is_narrow).
+/// By how much each of the constants that were free may be off, in the order of `inside.free`, because the width is: what it [owes](owe) to it. Nothing where the model says
+/// how wide it is, beside end stops, whose blows decide what little it shows, and beside a network that was taught, which would be taught again; by a wider one only where
+/// that is still [narrow](is_narrow).
 pub fn owed(study: &Study, fitted: &Fitted) -> Vec<f64> {
     let mut owed = vec![0.0_f64; fitted.inside.free.len()];
     let effects = fitted.hybrid.effects();
@@ -103,14 +109,16 @@ pub fn owed(study: &Study, fitted: &Fitted) -> Vec<f64> {
         if !is_narrow(&other, best, is_dry) {
             continue;
         }
-        let lost = Comparison::of(best, &other).total().max(AS_GOOD);
-        let standard = 1.0 / (2.0 * lost).sqrt();
-        for (owed, &i) in owed.iter_mut().zip(&fitted.inside.free) {
-            let moved = (other.inside.theta[i] - best.inside.theta[i]).abs();
-            *owed = owed.max(moved * standard);
-        }
+        let lost = Comparison::of(best, &other).total();
+        owe(&mut owed, (best, &other), lost);
     }
     owed
+}
+
+/// What the top of a parabola gains over its middle one of three points equally far apart, of which the outer ones gain so much, which is less than nothing.
+fn top(outer: [f64; 2]) -> f64 {
+    let [slope, bend] = [outer[0] - outer[1], outer[0] + outer[1]];
+    -slope.powi(2) / (8.0 * bend)
 }
 
 /// The fit of a model with some of its dry friction spread over so many times the speeds, by steps that follow it at rest.
@@ -149,4 +157,18 @@ pub fn soft(hybrid: &Hybrid) -> impl Iterator<Item = &Placed> {
 /// Whether an effect is dry friction that is spread over more speeds than that is: by no numerical smoothing.
 pub fn is_soft(hybrid: &Hybrid, placed: &Placed) -> bool {
     is_dry(placed) && placed.smoothing > SOFT * hybrid.default_smoothing(placed.target)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// l(x) = 5 − 2 (x − ⅓)² at −1, 0 and 1.
+    #[test]
+    fn the_top_of_a_parabola_gains_what_three_of_its_points_say() {
+        let l = |x: f64| 5.0 - 2.0 * (x - 1.0 / 3.0).powi(2);
+        let gained = top([l(1.0) - l(0.0), l(-1.0) - l(0.0)]);
+        assert!((gained - (5.0 - l(0.0))).abs() < 1e-12, "{gained}");
+        assert!(top([f64::NEG_INFINITY, -1.0]).is_nan());
+    }
 }

@@ -26,13 +26,18 @@ struct Layout {
 
 /// The axis as a rigid one.
 fn model(layout: Layout) -> String {
+    with_friction(layout, VISCOUS)
+}
+
+/// The same with this viscous friction.
+fn with_friction(layout: Layout, viscous: f64) -> String {
     let mass = LOAD + if layout.in_mass { MOTOR } else { 0.0 };
     format!(
         "name = \"axis\"\n\
          [lagrangian]\ncoordinates = [\"x\"]\nkinetic = \"0.5*m*x_dot^2\"\npotential = \"0*x\"\nparameters = {{ m = {mass} }}\n\
          [tolerance]\nparameters = {{ m = 0.02 }}\n\
          [[input]]\nname = \"motor\"\njoint = \"x\"\n\
-         [[effect]]\nkind = \"viscous_friction\"\njoint = \"x\"\ncoefficient = {VISCOUS}\n\
+         [[effect]]\nkind = \"viscous_friction\"\njoint = \"x\"\ncoefficient = {viscous}\n\
          [sensor.x]\nposition_noise = {NOISE:e}\nvelocity = \"none\"\n"
     )
 }
@@ -106,6 +111,43 @@ fn an_elastic_drive_is_told_wherever_its_sensor_is_and_its_motor_counts() {
         assert_told(effect, "motor_inertia", MOTOR, within);
         assert!(found.gap.after < 2.0 * found.gap.expected, "{layout:?}");
     }
+}
+
+/// Of a load with next to no friction, u/x = (d s + k) / (M s² (μ s² + d s + k)), M the whole mass and 1/μ = 1/J + 1/m: what swings, and not what is the motor's. Errors of 2 % had
+/// been told of springs ten times too soft.
+#[test]
+fn a_motor_that_does_not_show_is_said_not_to() {
+    let (stiffness, damping, viscous) = (2500.0, 3.0, 0.05);
+    let layout = Layout {
+        on_motor: false,
+        in_mass: true,
+    };
+    let log = log(layout, [0.0, viscous], |e, rate| {
+        stiffness * e + damping * rate
+    });
+    let found = diagnosed(&parsed(&with_friction(layout, viscous)), log);
+    let effect = only(&found, layout);
+    assert_eq!(effect.kind, "elastic_transmission");
+    assert!(effect.parameters.contains_key("motor_in_mass"));
+    for (name, truth) in [("stiffness", stiffness), ("motor_inertia", MOTOR)] {
+        let told = &effect.parameters[name];
+        let std = told.std.unwrap();
+        assert!(std > 0.3 * told.value, "{name}: {told:?}");
+        assert!(
+            (told.value - truth).abs() < 3.0 * std,
+            "{name}: {told:?} for {truth}"
+        );
+    }
+    let frequency = (stiffness * (1.0 / MOTOR + 1.0 / LOAD)).sqrt() / TAU;
+    let said = found.advice.iter().find_map(|advice| {
+        let said = advice.split_once("swings like, ")?.1;
+        said.split_once(" ±")?.0.parse::<f64>().ok()
+    });
+    let said = said.unwrap_or_else(|| panic!("{:?}", found.advice));
+    assert!(
+        (said / frequency - 1.0).abs() < 0.01,
+        "{said} Hz for {frequency}"
+    );
 }
 
 /// Teeth are taken to be 75 times softer than these at first, with which blows last nine times as long. How hard they are is told to a factor of four.
