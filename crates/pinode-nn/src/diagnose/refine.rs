@@ -34,7 +34,7 @@ const WORTH_A_ROUND: f64 = 1.0;
 /// Dry friction of which less than this share of what it is at rest is left at speed is another law, unless the rest is known exactly.
 const RUBS: f64 = 0.1;
 /// A rival that the leader contains and that is behind by so many nats may be held up on its way.
-const FAR_BEHIND: f64 = 100.0;
+pub const FAR_BEHIND: f64 = 100.0;
 /// A rival is fitted from where no tolerance is stretched where so many times its stretch would make good what it lacks.
 const MORE_THAN_STRETCH: f64 = 2.0;
 
@@ -298,6 +298,16 @@ pub fn does_more(study: &Study, candidate: &Candidate, fitted: &Fitted, containe
 /// Contenders within half of the leader's gain are fitted again from the leader's initial states, so that none loses by a poor start;
 /// and whoever has not converged goes on, the leader to its end, its rivals while they would catch up with it.
 pub fn polish(study: &Study, current: &Fitted, contenders: &mut [Contender]) {
+    polish_behind(study, current, contenders, f64::NEG_INFINITY);
+}
+
+/// The same where something else has the score `ahead_of_all`: of what is behind that the leader goes on only while it would catch up, too.
+pub fn polish_behind(
+    study: &Study,
+    current: &Fitted,
+    contenders: &mut [Contender],
+    ahead_of_all: f64,
+) {
     let base = current.score(0);
     let Some(ahead) = leader(contenders) else {
         return;
@@ -318,10 +328,12 @@ pub fn polish(study: &Study, current: &Fitted, contenders: &mut [Contender]) {
             rival.improve(study, current, again);
             continue;
         }
+        let goal = leader.score.max(ahead_of_all);
         for _ in 0..ROUNDS[usize::from(!leads)] {
-            let wanted = match leads {
+            let behind = goal - rival.score;
+            let wanted = match leads && behind <= 0.0 {
                 true => WORTH_A_ROUND,
-                false => CATCHING_UP * (leader.score - rival.score),
+                false => CATCHING_UP * behind,
             };
             if rival.is_spent || !rival.promises(wanted) {
                 break;
@@ -330,8 +342,7 @@ pub fn polish(study: &Study, current: &Fitted, contenders: &mut [Contender]) {
             let start = fitted.start(fitted.inside.theta.clone());
             let again = study.fit(fitted.hybrid.clone(), start, 0, FURTHER);
             rival.is_spent = !rival.improve(study, current, again);
-            let behind = leader.score - rival.score;
-            if !leads && rival.score - before < CATCHING_UP * behind {
+            if rival.score - before < CATCHING_UP * (goal - rival.score) {
                 break;
             }
         }

@@ -12,7 +12,7 @@ use super::misfit::explained;
 use super::numerics::sharp;
 use super::particulars::with_particulars;
 use super::pushes::{is_push, stripped, with_pushes};
-use super::refine::{Contender, ITERATIONS, is_sensible, polish, rank};
+use super::refine::{Contender, FAR_BEHIND, ITERATIONS, is_sensible, polish, rank};
 use super::remainder::Remainder;
 use super::screen;
 use super::step::{
@@ -292,7 +292,20 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
         report("asking for friction with a memory instead");
         let screened = screen::screen(study, &base, is_second_choice).ranked;
         let promising = screened.iter().filter(|s| s.t2 > LEAST_T2.0);
-        let mut contenders = refine_dear(study, &base, promising, report);
+        // What is found by itself is ahead of all that is not more than that; beside others they may be missing here as well.
+        let more = path
+            .at
+            .current
+            .inside
+            .free
+            .len()
+            .saturating_sub(base.inside.free.len());
+        let ahead = match path.at.added.len() {
+            1 => path.at.current.score(more),
+            _ => f64::NEG_INFINITY,
+        };
+        let mut contenders = refine_dear(study, &base, promising, ahead, report);
+        contenders.retain(|c| c.score > ahead - FAR_BEHIND);
         rank(&mut contenders, seed);
         if let Some(k) = accept(study, &base, &mut contenders, (false, seed)) {
             let step = Step {

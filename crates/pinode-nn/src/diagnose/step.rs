@@ -6,7 +6,8 @@ use super::accept::accept;
 use super::candidate::Candidate;
 use super::comparison::RELIEF;
 use super::refine::{
-    Contender, FIRST_LOOK, ITERATIONS, polish, rank, refine, refine_from, refine_one, would_relieve,
+    Contender, FIRST_LOOK, ITERATIONS, polish, polish_behind, rank, refine, refine_from,
+    refine_one, would_relieve,
 };
 use super::released::in_place_of;
 use super::remainder::Remainder;
@@ -346,7 +347,13 @@ impl Looking<'_> {
         let rivals = rivals.filter(|s| s.t2 > self.least_t2() && s.gain > enough);
         let in_vain = |s: &&Screened| self.before.iter().any(|step| step.was_in_vain(s));
         let rivals = rivals.filter(|s| !in_vain(s));
-        let refined = refine_dear(self.study, self.current, rivals, self.report);
+        let refined = refine_dear(
+            self.study,
+            self.current,
+            rivals,
+            f64::NEG_INFINITY,
+            self.report,
+        );
         step.contenders.extend(refined);
         step.choose(self.study, self.current, (self.first, self.seed));
     }
@@ -393,11 +400,12 @@ impl Step {
     }
 }
 
-/// The best candidates with states of their own, refined.
+/// The best candidates with states of their own, refined, where something else has the score `ahead`.
 pub fn refine_dear<'a>(
     study: &Study,
     current: &Fitted,
     promising: impl Iterator<Item = &'a Screened>,
+    ahead: f64,
     report: Report,
 ) -> Vec<Contender> {
     let refined = promising.take(SECOND_CHOICES).map(|s| {
@@ -405,7 +413,7 @@ pub fn refine_dear<'a>(
         refine_one(study, current, s, ITERATIONS)
     });
     let mut refined: Vec<Contender> = refined.collect();
-    polish(study, current, &mut refined);
+    polish_behind(study, current, &mut refined, ahead);
     refined
 }
 
