@@ -55,6 +55,7 @@ mod refine;
 mod regions;
 mod released;
 mod remainder;
+mod remembering;
 mod rests;
 pub(crate) mod scales;
 mod score;

@@ -12,12 +12,10 @@ use super::misfit::explained;
 use super::numerics::sharp;
 use super::particulars::with_particulars;
 use super::pushes::{is_push, stripped, with_pushes};
-use super::refine::{Contender, FAR_BEHIND, ITERATIONS, is_sensible, polish, rank};
+use super::refine::{Contender, ITERATIONS, is_sensible, polish, rank};
 use super::remainder::Remainder;
-use super::screen;
-use super::step::{
-    LEAST_T2, LOUD, Report, Step, Turn, is_dear, is_second_choice, may_rub, refine_dear, step_from,
-};
+use super::remembering::remembering;
+use super::step::{LOUD, Report, Step, Turn, is_dear, is_second_choice, may_rub, step_from};
 use super::study::{Fitted, Study};
 use super::unseen_spring::unseen_spring;
 use super::unstretched::unstretched;
@@ -285,34 +283,13 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
             path = other;
         }
     }
-    // What is found first may be a small part of what friction with a memory does.
     let simple = path.at.added.iter().all(|c| !is_second_choice(c.kind));
     let rubs = may_rub(&path.at.study, &path.at.current, false);
     if !path.at.added.is_empty() && simple && rubs {
-        report("asking for friction with a memory instead");
-        let screened = screen::screen(study, &base, is_second_choice).ranked;
-        let promising = screened.iter().filter(|s| s.t2 > LEAST_T2.0);
-        // What is found by itself is ahead of all that is not more than that; beside others they may be missing here as well.
-        let more = path
-            .at
-            .current
-            .inside
-            .free
-            .len()
-            .saturating_sub(base.inside.free.len());
-        let ahead = match path.at.added.len() {
-            1 => path.at.current.score(more),
-            _ => f64::NEG_INFINITY,
-        };
-        let mut contenders = refine_dear(study, &base, promising, ahead, report);
-        contenders.retain(|c| c.score > ahead - FAR_BEHIND);
-        rank(&mut contenders, seed);
-        if let Some(k) = accept(study, &base, &mut contenders, (false, seed)) {
-            let step = Step {
-                screened,
-                contenders,
-                accepted: Some(k),
-            };
+        let alone = path.at.added.len() == 1;
+        let ahead = alone.then_some((&path.at.study, &path.at.current));
+        if let Some(step) = remembering(study, &base, ahead, seed, report) {
+            let k = step.accepted.unwrap_or_default();
             let mut other = Path::new(study, base.clone(), step);
             other.follow(&base, k, (Turn::Further, most), &been, seed, report);
             if other.beats(&path) {

@@ -25,7 +25,7 @@ const REFINED: usize = 5;
 /// explains.
 const BATCHES: usize = 2;
 /// So many candidates with states of their own, where others leave something to explain …
-const SECOND_CHOICES: usize = 3;
+pub const SECOND_CHOICES: usize = 3;
 /// … if the screen promises them this share of what it promises the best of the others.
 const RIVALLING: f64 = 0.5;
 /// A candidate is refined when the screen promises it so many nats a sample: a fifth of the least gain that counts, for what is far from
