@@ -16,7 +16,7 @@ use super::unseen_spring::UnseenSpring;
 use super::valley::Swing;
 use super::verdict::{
     Change, EVEN, FittedConstant, Gap, InputExcitation, Moved, Name, NamedEffect, Numerics,
-    Unexplained, Verdict,
+    ParameterValue, Unexplained, Verdict,
 };
 use super::width::soft;
 use crate::digits::{number, uncertain};
@@ -72,8 +72,11 @@ pub fn advise(
             ));
         }
         advice.extend(where_it_is(effect, &search.model.hybrid));
+        advice.extend(ways(effect).map(|ways| one_sided(&own, ways)));
         let delay = effect.parameters.get("delay").map(|d| d.value);
-        if delay.is_some_and(|d| d < study.pace.long(SHORT_DELAY)) {
+        if delay.is_some_and(|d| d < study.pace.long(SHORT_DELAY))
+            && !beats(search, found, "actuator_lag")
+        {
             advice.push(format!(
                 "a delay of {} ms is not told from a lag: record sharp steps of the input.",
                 number(1e3 * delay.unwrap_or(0.0))
@@ -182,6 +185,44 @@ fn does_not_stick(placed: &Placed, hybrid: &Hybrid) -> String {
         number(placed.smoothing),
         coordinate.unit(),
     )
+}
+
+/// The two ways of friction that differs by them, F₊ and F₋, where it has no constant force as another name because the model has friction of its own.
+fn ways(effect: &NamedEffect) -> Option<[&ParameterValue; 2]> {
+    let said = |twin: &Name| twin.kind == "constant_force";
+    let is_asked = effect.kind == "asymmetric_coulomb_friction"
+        && !effect.indistinguishable_from.iter().any(said);
+    let way = |name| effect.parameters.get(name).filter(|_| is_asked);
+    Some([way("force_positive")?, way("force_negative")?])
+}
+
+/// What such friction is as well: F₊ for v > 0 and F₋ for v < 0 are ½(F₊ + F₋) both ways beside a constant force of ½(F₋ − F₊).
+fn one_sided(own: &str, [forth, back]: [&ParameterValue; 2]) -> String {
+    let error = forth.std.zip(back.std).map(|(a, b)| 0.5 * a.hypot(b));
+    format!(
+        "{own} is the same as Coulomb friction of {} {unit} both ways beside a constant force of {} {unit}, moving or at rest: look for an offset of the input or \
+         a base that is not level before you look for friction.",
+        uncertain(0.5 * (forth.value + back.value), error),
+        uncertain(0.5 * (back.value - forth.value), error),
+        unit = forth.unit
+    )
+}
+
+/// Whether what was found was refined beside another kind on its target, which never did better.
+fn beats(search: &Search, found: &Found, kind: &str) -> bool {
+    let Candidate { target, .. } = found.candidate;
+    search.steps.iter().any(|step| {
+        let of = |is: &dyn Fn(&Candidate) -> bool| {
+            step.contenders.iter().find(|c| match c.added[..] {
+                [only] => is(&only),
+                _ => false,
+            })
+        };
+        let own = of(&|c| *c == found.candidate);
+        let other = of(&|c| c.kind.name == kind && c.target == target);
+        own.zip(other)
+            .is_some_and(|(own, other)| own.wins > 0.0 && other.wins == 0.0)
+    })
 }
 
 /// What else a name may be: a constant of the mechanism.
@@ -501,6 +542,25 @@ mod tests {
         let logs = ["`a.csv`", "`b.csv`"].map(str::to_owned);
         assert!(changing(&change, &logs).contains("until t = 30.0 s of `b.csv`"));
         assert!(changing(&change, &logs[..1]).contains("until t = 30.0 s and"));
+    }
+
+    /// Q = −3 N forth and 1 N back is ∓2 N and −1 N both ways.
+    #[test]
+    fn friction_that_differs_each_way_is_friction_beside_a_constant_force() {
+        let [forth, back] = [3.0, 1.0].map(|value| ParameterValue {
+            value,
+            std: Some(0.1),
+            unit: "N".into(),
+        });
+        let said = one_sided("friction", [&forth, &back]);
+        assert!(
+            said.contains("Coulomb friction of 2.000 ± 0.071 N"),
+            "{said}"
+        );
+        assert!(
+            said.contains("constant force of -1.000 ± 0.071 N"),
+            "{said}"
+        );
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::accept::simpler;
 use super::candidate::{Candidate, gives_way};
 use super::comparison::Comparison;
 use super::confidence::DRAWS;
+use super::duals::with_duals;
 use super::experiment::CLOSE;
 use super::refine::{
     Contender, FIRST_LOOK, contender, does_more, is_imitated, is_sensible, polish, rank, refine_one,
@@ -68,13 +69,18 @@ impl Found {
 
     /// An elastic transmission is no less likely.
     pub fn may_be_elastic(&mut self, spring: UnseenSpring, model: Fitted) {
-        let candidate = spring.candidate;
+        self.is_also(spring.candidate, model);
+        self.unseen_spring = Some(spring);
+    }
+
+    /// Another name is no less likely, as which the model is this one.
+    pub fn is_also(&mut self, candidate: Candidate, model: Fitted) {
         self.alternatives.retain(|(c, _)| *c != candidate);
         if !self.indistinguishable.contains(&candidate) {
             self.indistinguishable.push(candidate);
+            self.rivals.retain(|(c, _)| *c != candidate);
             self.rivals.push((candidate, model));
         }
-        self.unseen_spring = Some(spring);
     }
 
     /// Its probabilities, and those of its rivals, are those under a condition that holds with the probability `share`.
@@ -268,6 +274,7 @@ pub fn revisit(
             weighed.believe(1.0 - instead.confidence);
             weighed.instead = Some(instead);
         }
+        with_duals(study, null, current, &mut weighed);
         found.push(weighed);
     }
     found

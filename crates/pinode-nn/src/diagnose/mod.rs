@@ -29,6 +29,7 @@ mod constancy;
 mod contained;
 pub(crate) mod conventions;
 pub mod curves;
+mod duals;
 mod elsewhere;
 mod experiment;
 mod found;

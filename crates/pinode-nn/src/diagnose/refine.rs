@@ -12,6 +12,7 @@ use super::screen::Screened;
 use super::shown::fit_shown;
 use super::study::{Fitted, Study};
 use super::unstretched::unstretched;
+use super::valley::shows;
 use crate::hybrid::{Hybrid, Placed};
 
 /// A candidate with this share of its information spanned by free constants is one that they imitate.
@@ -260,7 +261,8 @@ pub fn is_sensible(study: &Study, candidate: &Candidate, fitted: &Fitted) -> boo
             let size = |speed: f64| law.size(Direction::Positive, scales.centre, speed, p);
             size(f64::INFINITY) >= RUBS * size(0.0)
         });
-        candidate.kind.is_itself(&scales, p) && (rubs || hybrid.effects().iter().any(is_fixed))
+        let is_dry = rubs || hybrid.effects().iter().any(is_fixed);
+        candidate.kind.is_itself(&scales, p) && is_dry && shows(study, fitted, candidate)
     })
 }
 

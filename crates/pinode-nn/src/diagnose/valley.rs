@@ -5,7 +5,7 @@
 //! fitted, and what the best of those would move by is a part of the errors (the profile likelihood, Venzon & Moolgavkar, "A method for computing profile-likelihood-based
 //! confidence intervals", Applied Statistics 37, 1988).
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 use super::candidate::Candidate;
 use super::found::position;
@@ -110,6 +110,21 @@ impl Drive {
         fitted.inside.theta[self.index()]
     }
 
+    /// How fast load and motor swing against each other on a spring, rad/s; `None` of a play.
+    fn rate(&self, fitted: &Fitted) -> Option<f64> {
+        let p = self.constants(fitted);
+        let stiffness = self.spring(Quantity::Stiffness)?;
+        gap(self.kind)
+            .is_none()
+            .then(|| (p[stiffness] * self.motor.inverse(self.mass, p)).sqrt())
+    }
+
+    /// The index of the stiffness or the damping among the constants.
+    fn spring(&self, quantity: Quantity) -> Option<usize> {
+        let mut specs = self.kind.parameters.iter();
+        specs.position(|spec| spec.quantity == quantity && !spec.held)
+    }
+
     /// The best fit with a motor of this `inertia`, from where the drive does much the same.
     fn held_at(&self, study: &Study, fitted: &Fitted, inertia: f64) -> Option<Fitted> {
         let p = self.constants(fitted);
@@ -183,6 +198,12 @@ pub fn owed(study: &Study, fitted: &Fitted) -> Vec<f64> {
     owed
 }
 
+/// Whether a drive of a fitted model swings on its spring no faster than samples can show, half to and fro from one to the next. A play does not swing.
+pub fn shows(study: &Study, fitted: &Fitted, drive: &Candidate) -> bool {
+    let rate = Drive::of(study, fitted, drive).and_then(|drive| drive.rate(fitted));
+    rate.is_none_or(|rate| rate * study.interval < PI)
+}
+
 /// What the load of an elastic drive swings like against its motor, and how well that is known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Swing {
@@ -201,18 +222,17 @@ pub fn swing(study: &Study, fitted: &Fitted, candidate: &Candidate) -> Option<Sw
     };
     let own = drive.inertia(fitted);
     let errors = fitted.standard_errors(study);
-    if gap(drive.kind).is_some() || error(fitted, errors, drive.index())? < UNKNOWN * own {
+    if error(fitted, errors, drive.index())? < UNKNOWN * own {
         return None;
     }
-    let of = |quantity| {
-        let mut specs = drive.kind.parameters.iter();
-        specs.position(|spec| spec.quantity == quantity && !spec.held)
-    };
-    let (stiffness, damping) = (of(Quantity::Stiffness)?, of(Quantity::Damping)?);
+    let (stiffness, damping) = (
+        drive.spring(Quantity::Stiffness)?,
+        drive.spring(Quantity::Damping)?,
+    );
     let known = drive.held_at(study, fitted, own)?;
     let p = drive.constants(&known);
     let inverse = drive.motor.inverse(drive.mass, p);
-    let rate = (p[stiffness] * inverse).sqrt();
+    let rate = drive.rate(&known)?;
     let spread = known.inside.standard_errors();
     let spread = error(&known, &spread, drive.first + stiffness)? / p[stiffness];
     Some(Swing {
@@ -225,8 +245,27 @@ pub fn swing(study: &Study, fitted: &Fitted, candidate: &Candidate) -> Option<Sw
 mod tests {
     #![allow(clippy::unwrap_used)]
 
+    use super::super::pushes::tests::prepared;
+    use super::super::setup::Prepared;
     use super::*;
     use crate::effect::registry;
+
+    /// A delay of a stiff axis had been beside a drive that swung seven times from sample to sample.
+    #[test]
+    fn what_swings_faster_than_samples_show_is_no_drive() {
+        let (_dir, Prepared { study, null, .. }) = prepared(0.0);
+        let drive = Candidate::named("elastic_transmission", 0);
+        let mass = drive.scales(&null.hybrid, &study.scales).free_mass;
+        for (turns, is_shown) in [(0.4, true), (0.6, false)] {
+            let rate = TAU * turns / study.interval;
+            let inertia = 0.1 * mass;
+            let stiffness = rate.powi(2) / (1.0 / inertia + 1.0 / mass);
+            let p = [stiffness, 0.0, inertia, 0.0, 0.0, 0.0];
+            let (hybrid, theta) = drive.place(&null.hybrid, &null.inside.theta, &p);
+            let placed = study.fit(hybrid, null.start(theta), 0, 0);
+            assert_eq!(shows(&study, &placed, &drive), is_shown, "{turns}");
+        }
+    }
 
     /// ω² = k (1/J + 1/m) and d/k stay; of a motor within the mass m is what that leaves.
     #[test]

@@ -6,6 +6,7 @@ mod carts;
 mod clocks;
 mod coupled;
 mod drives;
+mod duals;
 mod exact;
 mod inertias;
 mod known;
