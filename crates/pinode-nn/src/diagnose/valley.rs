@@ -20,8 +20,10 @@ const MOST: usize = 8;
 const WORTH: f64 = 0.5;
 const FURTHER: usize = 8;
 /// Motors so many times larger and smaller are held, one after the other until the data notice it, by so many nats.
-const SIZES: [f64; 4] = [1.1, 1.5, 4.0, 20.0];
+const SIZES: [f64; 5] = [1.02, 1.1, 1.5, 4.0, 20.0];
 const NOTICED: f64 = 1.0;
+/// What loses more nats than these is too far away to say anything of errors, which are smaller then than by the least of these sizes.
+const FAR: f64 = 10.0;
 /// A motor whose inertia is off by this share of it, one standard error, is not known.
 const UNKNOWN: f64 = 0.3;
 
@@ -187,7 +189,9 @@ pub fn owed(study: &Study, fitted: &Fitted) -> Vec<f64> {
                     break;
                 };
                 let lost = fitted.score(0) - other.score(0);
-                owe(&mut owed, (fitted, &other), lost);
+                if lost < FAR {
+                    owe(&mut owed, (fitted, &other), lost);
+                }
                 if lost > NOTICED {
                     break;
                 }
