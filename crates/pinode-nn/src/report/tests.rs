@@ -359,7 +359,7 @@ fn the_report_says_the_verdict_and_everything_it_rests_on() {
     let (_, own) = written(&diagnosis("slider"), &curves("slider"));
     for said in [
         "Coulomb friction on `slider` is missing: 0.312 ± 0.010 N (98 % for it or asymmetric Coulomb friction on `slider`). \
-         Free-run error on unseen data falls from 12.3 to 1.10 times the sensor noise; the noise and the uncertain starts alone make 1.02.",
+         Free-run error on unseen data falls from 12.3 to 1.10 times the sensor noise; the noise and the uncertain starts alone make 1.02, and more where friction sticks.",
         "asymmetric Coulomb friction on slider",
         "follows the velocity of slider (83 % of its variance)",
         "97 % of the disagreement",

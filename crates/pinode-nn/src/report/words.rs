@@ -82,7 +82,7 @@ pub fn verdict(diagnosis: &Diagnosis) -> String {
             columns.join(", ")
         ),
     };
-    match gap(&diagnosis.gap) {
+    match gap(&diagnosis.gap, may_stick(diagnosis)) {
         Some(gap) => format!("{said} {gap}"),
         None => said,
     }
@@ -293,8 +293,15 @@ fn data_fault(diagnosis: &Diagnosis) -> String {
     )
 }
 
+/// Whether what was found may hold a joint at rest, or let it go, by less than the data say.
+fn may_stick(diagnosis: &Diagnosis) -> bool {
+    let kinds = diagnosis.effects.iter();
+    let mut kinds = kinds.filter_map(|effect| registry::find(&effect.kind));
+    kinds.any(|kind| kind.dry().is_some())
+}
+
 /// How the free-run error changed; nothing where it was not measured.
-fn gap(gap: &Gap) -> Option<String> {
+fn gap(gap: &Gap, may_stick: bool) -> Option<String> {
     const UNIT: &str = "times the sensor noise";
     let (before, after) = (number(gap.before), number(gap.after));
     if gap.windows == 0 && gap.after.is_nan() {
@@ -308,8 +315,13 @@ fn gap(gap: &Gap) -> Option<String> {
     let what = "Free-run error on unseen data";
     let expected = match gap.expected.is_finite() {
         true => format!(
-            "; the noise and the uncertain starts alone make {}",
-            number(gap.expected)
+            "; the noise and the uncertain starts alone make {}{}",
+            number(gap.expected),
+            if may_stick {
+                ", and more where friction sticks"
+            } else {
+                ""
+            }
         ),
         false => String::new(),
     };
