@@ -74,9 +74,8 @@ pub fn advise(
         advice.extend(where_it_is(effect, &search.model.hybrid));
         advice.extend(ways(effect).map(|ways| one_sided(&own, ways)));
         let delay = effect.parameters.get("delay").map(|d| d.value);
-        if delay.is_some_and(|d| d < study.pace.long(SHORT_DELAY))
-            && !beats(search, found, "actuator_lag")
-        {
+        let is_lag_out = || effect.kind == "input_delay" && beats(search, found, "actuator_lag");
+        if delay.is_some_and(|d| d < study.pace.long(SHORT_DELAY)) && !is_lag_out() {
             advice.push(format!(
                 "a delay of {} ms is not told from a lag: record sharp steps of the input.",
                 number(1e3 * delay.unwrap_or(0.0))
@@ -198,31 +197,33 @@ fn ways(effect: &NamedEffect) -> Option<[&ParameterValue; 2]> {
 
 /// What such friction is as well: F₊ for v > 0 and F₋ for v < 0 are ½(F₊ + F₋) both ways beside a constant force of ½(F₋ − F₊).
 fn one_sided(own: &str, [forth, back]: [&ParameterValue; 2]) -> String {
-    let error = forth.std.zip(back.std).map(|(a, b)| 0.5 * a.hypot(b));
     format!(
         "{own} is the same as Coulomb friction of {} {unit} both ways beside a constant force of {} {unit}, moving or at rest: look for an offset of the input or \
          a base that is not level before you look for friction.",
-        uncertain(0.5 * (forth.value + back.value), error),
-        uncertain(0.5 * (back.value - forth.value), error),
+        number(0.5 * (forth.value + back.value)),
+        number(0.5 * (back.value - forth.value)),
         unit = forth.unit
     )
 }
 
 /// Whether what was found was refined beside another kind on its target, which never did better.
 fn beats(search: &Search, found: &Found, kind: &str) -> bool {
-    let Candidate { target, .. } = found.candidate;
-    search.steps.iter().any(|step| {
+    let is_other = |c: &Candidate| c.kind.name == kind && c.target == found.candidate.target;
+    let open = found.alternatives.iter().map(|(c, _)| c);
+    if open.chain(&found.indistinguishable).any(is_other) {
+        return false;
+    }
+    let refined = search.steps.iter().filter_map(|step| {
         let of = |is: &dyn Fn(&Candidate) -> bool| {
             step.contenders.iter().find(|c| match c.added[..] {
                 [only] => is(&only),
                 _ => false,
             })
         };
-        let own = of(&|c| *c == found.candidate);
-        let other = of(&|c| c.kind.name == kind && c.target == target);
-        own.zip(other)
-            .is_some_and(|(own, other)| own.wins > 0.0 && other.wins == 0.0)
-    })
+        Some((of(&|c| *c == found.candidate)?, of(&is_other)?))
+    });
+    let mut refined = refined.peekable();
+    refined.peek().is_some() && refined.all(|(own, other)| own.wins > 0.0 && other.wins == 0.0)
 }
 
 /// What else a name may be: a constant of the mechanism.
@@ -549,18 +550,12 @@ mod tests {
     fn friction_that_differs_each_way_is_friction_beside_a_constant_force() {
         let [forth, back] = [3.0, 1.0].map(|value| ParameterValue {
             value,
-            std: Some(0.1),
+            std: None,
             unit: "N".into(),
         });
         let said = one_sided("friction", [&forth, &back]);
-        assert!(
-            said.contains("Coulomb friction of 2.000 ± 0.071 N"),
-            "{said}"
-        );
-        assert!(
-            said.contains("constant force of -1.000 ± 0.071 N"),
-            "{said}"
-        );
+        assert!(said.contains("Coulomb friction of 2.00 N"), "{said}");
+        assert!(said.contains("constant force of -1.00 N"), "{said}");
     }
 
     #[test]

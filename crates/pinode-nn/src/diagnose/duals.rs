@@ -1,7 +1,7 @@
 //! Names that are one equation where one input moves one coordinate.
 //!
-//! M q̈ + F = (1 + g) u is M/(1 + g) q̈ + F/(1 + g) = u: a gain that is off is an inertia that is off, with all forces in proportion, and where nothing else knows the position
-//! it is a sensor's scale, M ÿ + (1 + g) F = (1 + g) u with y = (1 + g) q. A zero of an angle is gravity from aside. Where what else is free may follow, or is stretched within its
+//! M q̈ + F = (1 + g) u is M/(1 + g) q̈ + F/(1 + g) = u: a gain that is off is an inertia that is off, with all forces in proportion. Where nothing of the mechanism itself knows the
+//! position it is a sensor's scale as well, y = (1 + g) q: M ÿ + (1 + g) F(q) = (1 + g) u. A zero of an angle is gravity from aside. Where what else is free may follow, or is stretched within its
 //! tolerance, no screen sees that, for it steps along one of them alone: the other is fitted from where it does the same.
 
 use super::candidate::Candidate;
@@ -15,58 +15,69 @@ use crate::hybrid::{ConstantId, Hybrid};
 /// Another name for what was found that explains no less than these nats less does as well: twenty to one.
 const AS_WELL: f64 = 3.0;
 
-/// Another name, its constant, and by how many times all other forces that are free are larger beside it.
-#[derive(Debug, Clone, Copy)]
+/// Another name, its constant, and by how many times all free forces are larger beside it that are of some degree in the motion, a^n b of degree n.
+#[derive(Debug, Clone, Copy, PartialEq)]
 struct Dual {
     kind: &'static str,
     constant: f64,
     forces: f64,
+    readings: f64,
 }
 
 /// What does the same as a law with this constant before a coordinate that moves `mass`.
 fn duals(kind: &str, p: f64, mass: f64) -> Vec<Dual> {
-    let dual = |kind, constant, forces| Dual {
+    let dual = |kind, constant, forces, readings| Dual {
         kind,
         constant,
         forces,
+        readings,
     };
+    let ratio = 1.0 + p;
+    let inertia = mass / ratio - mass;
     match kind {
         "input_gain_error" => vec![
-            dual(
-                "reflected_inertia",
-                mass / (1.0 + p) - mass,
-                1.0 / (1.0 + p),
-            ),
-            dual("sensor_scale", p, 1.0 / (1.0 + p)),
+            dual("reflected_inertia", inertia, 1.0 / ratio, 1.0),
+            dual("sensor_scale", p, 1.0 / ratio, ratio),
+        ],
+        "sensor_scale" => vec![
+            dual("input_gain_error", p, ratio, 1.0 / ratio),
+            dual("reflected_inertia", inertia, 1.0, 1.0 / ratio),
         ],
         "reflected_inertia" => {
-            let gain = mass / (mass + p);
-            vec![dual("input_gain_error", gain - 1.0, gain)]
+            let ratio = mass / (mass + p);
+            vec![
+                dual("input_gain_error", ratio - 1.0, ratio, 1.0),
+                dual("sensor_scale", ratio - 1.0, 1.0, ratio),
+            ]
         }
-        "sensor_scale" => vec![dual("input_gain_error", p, 1.0 + p)],
         // Which way a joint turns is not asked.
-        "sensor_offset" => [p, -p].map(|p| dual("gravity_tilt", p, 1.0)).to_vec(),
-        "gravity_tilt" => [p, -p].map(|p| dual("sensor_offset", p, 1.0)).to_vec(),
+        "sensor_offset" => [p, -p].map(|p| dual("gravity_tilt", p, 1.0, 1.0)).to_vec(),
+        "gravity_tilt" => [p, -p].map(|p| dual("sensor_offset", p, 1.0, 1.0)).to_vec(),
         _ => Vec::new(),
     }
 }
 
-/// θ with all forces of effects on joints that are free so many times as large.
-fn with_forces(hybrid: &Hybrid, mut theta: Vec<f64>, times: f64) -> Vec<f64> {
-    let is_force = |quantity| {
-        use Quantity::{CubicStiffness, Damping, Force, QuadraticDamping, Stiffness};
-        matches!(
-            quantity,
-            Force | Damping | QuadraticDamping | Stiffness | CubicStiffness
-        )
-    };
+/// The degree of a force in the motion.
+fn degree(quantity: Quantity) -> Option<i32> {
+    match quantity {
+        Quantity::Force => Some(0),
+        Quantity::Damping | Quantity::Stiffness => Some(1),
+        Quantity::QuadraticDamping => Some(2),
+        Quantity::CubicStiffness => Some(3),
+        _ => None,
+    }
+}
+
+/// θ with the forces of effects on joints that are free as they are beside a `dual`.
+fn beside(hybrid: &Hybrid, mut theta: Vec<f64>, dual: &Dual) -> Vec<f64> {
     for &i in &hybrid.free() {
         let ConstantId::Effect(effect, k) = hybrid.constants()[i].id else {
             continue;
         };
         let kind = hybrid.effects()[effect].kind;
-        if kind.acts_on() == ActsOn::Joint && is_force(kind.parameters[k].quantity) {
-            theta[i] *= times;
+        let degree = degree(kind.parameters[k].quantity);
+        if let Some(degree) = degree.filter(|_| kind.acts_on() == ActsOn::Joint) {
+            theta[i] *= dual.forces * dual.readings.powi(degree);
         }
     }
     theta
@@ -85,16 +96,22 @@ pub fn with_duals(study: &Study, null: &Fitted, current: &Fitted, found: &mut Fo
     let mass = found.candidate.scales(hybrid, &study.scales).mass;
     let p = current.inside.theta[hybrid.range(index).start];
     let (reduced, theta) = stripped(null, current, index);
+    let asked = Candidate::all(&reduced);
     for dual in duals(kind.name, p, mass) {
         let other = registry::find(dual.kind).map(|kind| Candidate { kind, target });
         let is_asked = |other: &Candidate| {
-            !study.without.contains(&other.kind) && !found.indistinguishable.contains(other)
+            let is_new = !found.indistinguishable.contains(other);
+            is_new && asked.contains(other) && !study.without.contains(&other.kind)
         };
         let Some(other) = other.filter(is_asked) else {
             continue;
         };
-        let theta = with_forces(&reduced, theta.clone(), dual.forces);
+        let theta = beside(&reduced, theta.clone(), &dual);
         let (with, theta) = other.place(&reduced, &theta, &[dual.constant]);
+        let mut bounded = with.constants().iter().zip(&theta);
+        if !bounded.all(|(c, x)| (c.lower..=c.upper).contains(x)) {
+            continue;
+        }
         let fitted = study.fit(with, current.start(theta), 1, ITERATIONS);
         let as_well = Comparison::of(&fitted, current).total() > -AS_WELL;
         if as_well && is_sensible(study, &other, &fitted) {
@@ -107,20 +124,37 @@ pub fn with_duals(study: &Study, null: &Fitted, current: &Fitted, found: &mut Fo
 mod tests {
     use super::*;
 
-    /// M q̈ + b v = (1 + g) u, as an inertia before b/(1 + g), and back.
+    /// M q̈ + c + b v + d v² = (1 + g) u by each of the three names: forces of degree n, and back.
     #[test]
-    fn a_gain_is_an_inertia_with_all_forces_in_proportion() {
-        let [inertia, scale] = &duals("input_gain_error", -0.1, 2.0)[..] else {
+    fn a_gain_is_an_inertia_and_a_scale_with_all_forces_in_proportion() {
+        let (g, mass) = (-0.1, 2.0);
+        let [inertia, scale] = duals("input_gain_error", g, mass)[..] else {
             unreachable!("two")
         };
-        assert!((inertia.constant - (2.0 / 0.9 - 2.0)).abs() < 1e-12);
-        assert!((inertia.forces - 1.0 / 0.9).abs() < 1e-12);
-        assert_eq!(scale.constant, -0.1);
-        let [gain] = &duals(inertia.kind, inertia.constant, 2.0)[..] else {
-            unreachable!("one")
-        };
-        assert!((gain.constant + 0.1).abs() < 1e-12);
-        assert!((gain.forces * inertia.forces - 1.0).abs() < 1e-12);
-        assert!(duals("coulomb_friction", 0.1, 2.0).is_empty());
+        let times = |dual: &Dual| [0, 1, 2].map(|n| dual.forces * dual.readings.powi(n));
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
+        near(inertia.constant, 2.0 / 0.9 - 2.0);
+        near(scale.constant, g);
+        // M q̈ = −c + u, y = 0.9 q: a friction c/0.9 before 2 kg; b v stays, for v = ẏ/0.9.
+        for (dual, expected) in [
+            (&inertia, [1.0 / 0.9, 1.0 / 0.9, 1.0 / 0.9]),
+            (&scale, [1.0 / 0.9, 1.0, 0.9]),
+        ] {
+            let times = times(dual);
+            times.iter().zip(expected).for_each(|(a, b)| near(*a, b));
+        }
+        for other in [inertia, scale] {
+            for back in duals(other.kind, other.constant, mass) {
+                let there = match back.kind {
+                    "input_gain_error" => [1.0; 3],
+                    "sensor_scale" => times(&scale),
+                    _ => times(&inertia),
+                };
+                let forth = times(&other);
+                let back = times(&back);
+                (0..3).for_each(|n| near(forth[n] * back[n], there[n]));
+            }
+        }
+        assert!(duals("coulomb_friction", 0.1, mass).is_empty());
     }
 }

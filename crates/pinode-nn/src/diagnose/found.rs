@@ -75,6 +75,9 @@ impl Found {
 
     /// Another name is no less likely, as which the model is this one.
     pub fn is_also(&mut self, candidate: Candidate, model: Fitted) {
+        let own = self.alternatives.iter().filter(|(c, _)| *c == candidate);
+        let more: f64 = own.map(|(_, confidence)| confidence).sum();
+        self.confidence = (self.confidence + more).min(SUREST);
         self.alternatives.retain(|(c, _)| *c != candidate);
         if !self.indistinguishable.contains(&candidate) {
             self.indistinguishable.push(candidate);

@@ -179,8 +179,11 @@ pub fn laid_out_otherwise(
     let (hybrid, theta) = stripped(base, model, index);
     let other = best_layout(study, (model, &hybrid, &theta), *accepted, &[own], usual)?;
     let lead = Comparison::of(&other, model);
+    let are_read_alike = |p: &[f64], own: &[f64]| motor.is_read(p) == motor.is_read(own);
     let is_usual = usual == Usual::Within
-        && constants_of(&other, accepted).is_some_and(|p| usual.is(motor, p));
+        && constants_of(&other, accepted)
+            .zip(constants_of(model, accepted))
+            .is_some_and(|(p, own)| usual.is(motor, p) && are_read_alike(p, own));
     let leads = is_sure(&lead) && lead.total() > SAME;
     (leads || is_usual && lead.total() > -SAME).then_some(other)
 }

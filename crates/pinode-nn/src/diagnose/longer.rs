@@ -24,12 +24,10 @@ impl Fitted {
     pub fn standard_errors(&self, study: &Study) -> &[f64] {
         self.errors.get_or_init(|| {
             let mut errors = self.inside.standard_errors();
-            let off = [
-                unresolved(study, self),
-                width::owed(study, self),
-                valley::owed(study, self),
-            ];
-            for off in off {
+            // The motor of a drive was free: what constants owe to it is there already, as far as a parabola knows.
+            let owed = errors.iter_mut().zip(valley::owed(study, self));
+            owed.for_each(|(e, owed)| *e = e.max(owed));
+            for off in [unresolved(study, self), width::owed(study, self)] {
                 errors
                     .iter_mut()
                     .zip(off)

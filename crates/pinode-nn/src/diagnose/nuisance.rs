@@ -1,7 +1,7 @@
-//! What constants owe to one that no fit moves with them.
+//! What constants owe to one that is held.
 //!
-//! A fit holds some things: over how wide a range of speeds dry friction changes its sign, how large the motor behind a spring is. What is made up for by other constants where
-//! such a thing is wrong is a part of their errors. With l(w) the log-likelihood of the best fit with w, a parabola about its top, one standard error of w moves θ by
+//! Some things no fit moves, as over how wide a range of speeds dry friction changes its sign; of others, as of the motor behind a spring, no parabola about the best fit knows how far
+//! they may go. What is made up for by other constants where such a thing is held somewhere else is a part of their errors. With l(w) the log-likelihood of the best fit with w, a parabola about its top, one standard error of w moves θ by
 //! |θ(w′) − θ(w)| / √(2 (l(w) − l(w′))).
 
 use super::study::Fitted;

@@ -13,6 +13,7 @@ use super::nuisance::owe;
 use super::refine::best;
 use super::study::{Fitted, Study};
 use crate::effect::{Kind, Motor, ParameterSpec, Quantity};
+use crate::hybrid::Placed;
 
 /// Motors by these factors larger and smaller are tried, each as often as one gains so many nats but no more often than so, by fits of so many iterations.
 const NEARER: [f64; 2] = [1.3, 1.08];
@@ -22,7 +23,7 @@ const FURTHER: usize = 8;
 /// Motors so many times larger and smaller are held, one after the other until the data notice it, by so many nats.
 const SIZES: [f64; 5] = [1.02, 1.1, 1.5, 4.0, 20.0];
 const NOTICED: f64 = 1.0;
-/// What loses more nats than these is too far away to say anything of errors, which are smaller then than by the least of these sizes.
+/// What loses more nats than these is too far away to say anything of errors.
 const FAR: f64 = 10.0;
 /// A motor whose inertia is off by this share of it, one standard error, is not known.
 const UNKNOWN: f64 = 0.3;
@@ -182,17 +183,20 @@ pub fn owed(study: &Study, fitted: &Fitted) -> Vec<f64> {
         let own = drive.inertia(fitted);
         for larger in [true, false] {
             let mut from: Option<Fitted> = None;
+            // What had not come to its end may be passed by what is held.
+            let mut top = fitted.score(0);
             for size in SIZES {
                 let inertia = if larger { own * size } else { own / size };
                 let Some(other) = drive.held_at(study, from.as_ref().unwrap_or(fitted), inertia)
                 else {
                     break;
                 };
-                let lost = fitted.score(0) - other.score(0);
+                top = top.max(other.score(0));
+                let lost = top - other.score(0);
                 if lost < FAR {
                     owe(&mut owed, (fitted, &other), lost);
                 }
-                if lost > NOTICED {
+                if lost > NOTICED || lost.is_nan() {
                     break;
                 }
                 from = Some(other);
@@ -217,9 +221,14 @@ pub struct Swing {
     pub damping: f64,
 }
 
-/// What the drive of a fitted model swings like, where the data show little of its motor; `None` of a play.
+/// What the drive of a fitted model swings like, where the data show little of its motor; `None` of a play, where the sensor is on the motor, and where another inertia than the
+/// model's was found.
 pub fn swing(study: &Study, fitted: &Fitted, candidate: &Candidate) -> Option<Swing> {
     let drive = Drive::of(study, fitted, candidate)?;
+    let changes = |e: &Placed| !e.fixed && e.kind.inertial().is_some();
+    if drive.motor.is_read(drive.constants(fitted)) || fitted.hybrid.effects().iter().any(changes) {
+        return None;
+    }
     let error = |fit: &Fitted, errors: &[f64], index: usize| {
         let free = fit.inside.free.iter().position(|&i| i == index)?;
         errors.get(free).copied()

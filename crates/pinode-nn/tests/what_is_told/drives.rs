@@ -133,6 +133,7 @@ fn a_motor_that_does_not_show_is_said_not_to() {
         let told = &effect.parameters[name];
         let std = told.std.unwrap();
         assert!(std > 0.3 * told.value, "{name}: {told:?}");
+        assert!(std < 3.0 * told.value, "{name}: {told:?}");
         assert!(
             (told.value - truth).abs() < 3.0 * std,
             "{name}: {told:?} for {truth}"
