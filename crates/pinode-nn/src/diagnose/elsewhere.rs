@@ -60,7 +60,6 @@ pub fn elsewhere(study: &Study, search: &Search) -> Option<Elsewhere> {
 
 /// An entry of θ with its standard error, where the windows determine it.
 fn with_error(fitted: &Fitted, study: &Study, index: usize) -> Option<(f64, f64)> {
-    let k = fitted.inside.free.iter().position(|&i| i == index)?;
-    let error = fitted.standard_errors(study).get(k).copied()?;
+    let error = fitted.standard_error(study, index)?;
     (error.is_finite() && error > 0.0).then_some((fitted.inside.theta[index], error))
 }

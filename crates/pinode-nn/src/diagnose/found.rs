@@ -73,7 +73,7 @@ impl Found {
         self.unseen_spring = Some(spring);
     }
 
-    /// Another name is no less likely, as which the model is this one.
+    /// Another name, with the `model` that has it, is no less likely: what spoke for that speaks for this one or that.
     pub fn is_also(&mut self, candidate: Candidate, model: Fitted) {
         let own = self.alternatives.iter().filter(|(c, _)| *c == candidate);
         let more: f64 = own.map(|(_, confidence)| confidence).sum();

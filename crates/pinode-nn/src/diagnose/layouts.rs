@@ -29,7 +29,6 @@ const INPUTS: usize = 2;
 const LOUD: (f64, f64) = (1.05, 2.5);
 /// A motor of less than this share of what its joint moves is little beside what is known of masses.
 const LITTLE: f64 = 0.1;
-
 /// A motor on top of the mechanism that is so many times its standard error shows.
 const SHOWN: f64 = 2.0;
 
@@ -144,9 +143,8 @@ fn shows_on_top(study: &Study, model: &Fitted, drive: &Candidate) -> bool {
     let placed = drive.kind.motor().zip(position(model, drive));
     placed.is_none_or(|(motor, index)| {
         let i = model.hybrid.range(index).start + motor.inertia;
-        let mut free = model.inside.free.iter().zip(model.standard_errors(study));
-        let error = free.find(|(k, _)| **k == i);
-        error.is_none_or(|(_, error)| model.inside.theta[i] > SHOWN * error)
+        let error = model.standard_error(study, i);
+        error.is_none_or(|error| model.inside.theta[i] > SHOWN * error)
     })
 }
 

@@ -41,6 +41,12 @@ impl Fitted {
             errors
         })
     }
+
+    /// That of the constant with this index in θ, where it was free.
+    pub fn standard_error(&self, study: &Study, index: usize) -> Option<f64> {
+        let place = self.inside.free.iter().position(|&i| i == index)?;
+        self.standard_errors(study).get(place).copied()
+    }
 }
 
 /// θ of a fit to windows twice as long, for a model with hidden states.

@@ -25,10 +25,19 @@ pub fn remembering(
         let (own, other) = (&found.inside.free, &base.inside.free);
         found.score(own.len().saturating_sub(other.len()))
     });
+    // What is not far behind in some of the windows.
+    let least = ahead.map(|(own, found)| {
+        let (some, there) = own.some_windows(found, SHARE);
+        let start = there.start(there.inside.theta.clone());
+        let share = some.windows.fit.len() as f64 / own.windows.fit.len().max(1) as f64;
+        some.fit(there.hybrid, start, 0, 0).score(0) - share * FAR_BEHIND
+    });
     let promising = screened.iter().filter(|s| s.t2 > LEAST_T2.0);
-    let near = promising
-        .take(SECOND_CHOICES)
-        .filter_map(|s| near(study, base, s, ahead));
+    let promising = promising.take(SECOND_CHOICES);
+    let near = promising.filter_map(|s| match least {
+        Some(least) if !s.starts.is_empty() => near(study, base, s, least),
+        _ => Some(s.clone()),
+    });
     let near: Vec<Screened> = near.collect();
     let mut contenders = refine_dear(study, base, near.iter(), goal, report);
     contenders.retain(|c| c.score > goal - FAR_BEHIND);
@@ -41,30 +50,17 @@ pub fn remembering(
     })
 }
 
-/// A screened candidate that is not far behind in some of the windows, to be fitted to all from where it came to there.
-fn near(
-    study: &Study,
-    base: &Fitted,
-    screened: &Screened,
-    ahead: Option<(&Study, &Fitted)>,
-) -> Option<Screened> {
-    let Some((own, found)) = ahead.filter(|_| !screened.starts.is_empty()) else {
-        return Some(screened.clone());
-    };
-    let (of_found, found) = own.some_windows(found, SHARE);
-    let start = found.start(found.inside.theta.clone());
-    let found = of_found.fit(found.hybrid.clone(), start, 0, 0);
+/// A screened candidate that has a score of at `least` so much in some of the windows, to be fitted to all from where it came to there.
+fn near(study: &Study, base: &Fitted, screened: &Screened, least: f64) -> Option<Screened> {
     let (some, there) = study.some_windows(base, SHARE);
-    let theta = base.inside.theta.as_slice();
-    let begun = (&there, &base.hybrid, theta);
+    let from = (&there, &base.hybrid, base.inside.theta.as_slice());
     let candidate = screened.candidate;
-    let begun = best_of_starts(&some, begun, candidate, &screened.starts)?;
+    let begun = best_of_starts(&some, from, candidate, &screened.starts)?;
     let start = begun.start(begun.inside.theta.clone());
-    let tried = some.fit(begun.hybrid.clone(), start, 0, ITERATIONS);
-    let share = some.windows.fit.len() as f64 / study.windows.fit.len().max(1) as f64;
+    let tried = some.fit(begun.hybrid, start, 0, ITERATIONS);
     let index = position(&tried, &candidate)?;
     let p = tried.inside.theta[tried.hybrid.range(index)].to_vec();
-    (tried.score(0) > found.score(0) - share * FAR_BEHIND).then(|| Screened {
+    (tried.score(0) > least).then(|| Screened {
         starts: vec![p],
         ..screened.clone()
     })

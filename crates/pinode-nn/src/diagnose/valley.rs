@@ -124,8 +124,7 @@ impl Drive {
 
     /// The index of the stiffness or the damping among the constants.
     fn spring(&self, quantity: Quantity) -> Option<usize> {
-        let mut specs = self.kind.parameters.iter();
-        specs.position(|spec| spec.quantity == quantity && !spec.held)
+        spring(self.kind).find(|&k| self.kind.parameters[k].quantity == quantity)
     }
 
     /// The best fit with a motor of this `inertia`, from where the drive does much the same.
@@ -229,13 +228,8 @@ pub fn swing(study: &Study, fitted: &Fitted, candidate: &Candidate) -> Option<Sw
     if drive.motor.is_read(drive.constants(fitted)) || fitted.hybrid.effects().iter().any(changes) {
         return None;
     }
-    let error = |fit: &Fitted, errors: &[f64], index: usize| {
-        let free = fit.inside.free.iter().position(|&i| i == index)?;
-        errors.get(free).copied()
-    };
     let own = drive.inertia(fitted);
-    let errors = fitted.standard_errors(study);
-    if error(fitted, errors, drive.index())? < UNKNOWN * own {
+    if fitted.standard_error(study, drive.index())? < UNKNOWN * own {
         return None;
     }
     let (stiffness, damping) = (
@@ -246,8 +240,7 @@ pub fn swing(study: &Study, fitted: &Fitted, candidate: &Candidate) -> Option<Sw
     let p = drive.constants(&known);
     let inverse = drive.motor.inverse(drive.mass, p);
     let rate = drive.rate(&known)?;
-    let spread = known.inside.standard_errors();
-    let spread = error(&known, &spread, drive.first + stiffness)? / p[stiffness];
+    let spread = known.standard_error(study, drive.first + stiffness)? / p[stiffness];
     Some(Swing {
         frequency: (rate / TAU, 0.5 * spread * rate / TAU),
         damping: 0.5 * p[damping] * inverse / rate,
