@@ -218,6 +218,12 @@ impl Kind {
         self.starts_at_probes() || has_hump
     }
 
+    /// The parameter in which its first-order effect is a polynomial of a degree less than it has probes, where these differ in nothing else: a payload's moments
+    /// go with the square of its place.
+    pub fn place(&self) -> Option<usize> {
+        (self.inertial() == Some(Inertial::Payload)).then_some(1)
+    }
+
     /// Where fits start of what the motion itself shows to be there, whatever a screen says: stops by their blows, dry friction by what it holds. Else
     /// none.
     pub fn suggested(&self, scales: &Scales) -> Vec<Vec<f64>> {

@@ -126,6 +126,25 @@ impl Hybrid {
         }
     }
 
+    /// What the effects add to ID(q, v, v̇ = `a`) = M v̇ + C v + G; zeros where none changes the mechanics.
+    pub(crate) fn added_inverse_dynamics<'m>(
+        &self,
+        state: State<'_>,
+        a: &[f64],
+        theta: &[f64],
+        memory: &'m mut Memory,
+    ) -> &'m [f64] {
+        let p = &theta[self.mechanics_range()];
+        let Memory { extra, bias, .. } = memory;
+        match (&self.extra, extra) {
+            (Some(added), Some(memory)) => {
+                added.inverse_dynamics((state.q, state.v, a), (theta, p), memory, bias);
+            }
+            _ => bias.fill(0.0),
+        }
+        bias.as_slice()
+    }
+
     /// v̇ and ḣ as [`acceleration`](Self::acceleration), and in `memory.linear` the derivatives of (v̇, ḣ), row after row, in
     /// (q, v, h, θ_free):
     ///

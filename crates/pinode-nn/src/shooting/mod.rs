@@ -25,5 +25,5 @@ pub use problem::HiddenPrior;
 pub(crate) use roll::over_samples;
 pub use roll::{Diverged, Roller, Trajectory};
 pub(crate) use single_steps::roll_steps;
-pub(crate) use variation::{SmallForce, Variation};
+pub(crate) use variation::{By, SmallForce, Variation};
 pub use window::{Window, Windows, consecutive};

@@ -55,18 +55,29 @@ impl Kept {
         self.steps.reactions.extend_from_slice(reaction);
     }
 
-    /// The state in the middle of a step, and the forces there.
+    /// The state in the middle of a step from `before` to `after`, and the forces there.
     fn middle(
         &mut self,
         hybrid: &Hybrid,
         (theta, inputs, step): (&[f64], &DrivenInputs, usize),
-        middle: &[f64],
+        (middle, after): (&[f64], &[f64]),
         memory: &mut Memory,
     ) {
-        let (force, rates) = hybrid.forces(hybrid.parts(middle), theta, inputs, step, memory);
-        self.steps.forces.extend_from_slice(force);
-        self.steps.forces.extend_from_slice(rates);
-        self.steps.middles.extend_from_slice(middle);
+        let state = hybrid.parts(middle);
+        let (force, rates) = hybrid.forces(state, theta, inputs, step, memory);
+        let steps = &mut self.steps;
+        steps.forces.extend_from_slice(force);
+        steps.forces.extend_from_slice(rates);
+        steps.middles.extend_from_slice(middle);
+        let bounds = &inputs.grid.bounds[step..];
+        let half = 0.5 * (bounds[1] - bounds[0]);
+        let from = steps.accelerations.len();
+        let velocities = state.v.iter().zip(hybrid.parts(after).v);
+        let accelerations = velocities.map(|(middle, after)| (after - middle) / half);
+        steps.accelerations.extend(accelerations);
+        let a = &steps.accelerations[from..];
+        let added = hybrid.added_inverse_dynamics(state, a, theta, memory);
+        steps.added.extend_from_slice(added);
     }
 
     /// A sample at x.
@@ -206,7 +217,7 @@ impl EightRoller<'_> {
                 let (x, derivatives) = after.split_at(nx);
                 kept.step(derivatives);
                 let at = (theta, member.inputs, one.steps[lane]);
-                kept.middle(hybrid, at, &middle, &mut memory);
+                kept.middle(hybrid, at, (&middle, x), &mut memory);
                 let response = one.response.iter().map(|x| x[lane]);
                 kept.steps.responses.extend(response);
                 if one.ends[lane] {

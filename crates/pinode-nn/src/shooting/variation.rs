@@ -29,6 +29,9 @@ pub struct Variation {
     pub(super) middles: Vec<f64>,
     /// (Q, ḣ) there.
     pub(super) forces: Vec<f64>,
+    /// v̇ of every step, Δv/h, and what the model's effects add to M v̇ + C v + G there, nv numbers each.
+    pub(super) accelerations: Vec<f64>,
+    pub(super) added: Vec<f64>,
     /// M⁻¹ there, nv × nv, column after column.
     pub(super) responses: Vec<f64>,
     /// R of every step of a stiff model, nx × (nx − nv), column after column; empty for others.
@@ -144,13 +147,16 @@ impl Variation {
             with,
             theta,
             inputs,
-            only,
+            by,
         }: &SmallForce<'_>,
         memory: &mut Memory,
         mut add: impl FnMut(usize, f64),
     ) {
         let (nv, nx) = (self.nv, self.nx);
-        let alone = only.and_then(|effect| with.joint_forces(effect, &self.middles, theta));
+        let alone = match by {
+            By::Law(effect) => with.joint_forces(effect, &self.middles, theta),
+            _ => None,
+        };
         if let Some((j, forces)) = alone {
             for (i, force) in forces.into_iter().enumerate() {
                 self.act((inputs, i), j, force, |entry, part| {
@@ -159,10 +165,22 @@ impl Variation {
             }
             return;
         }
-        let own = self
-            .middles
-            .chunks_exact(nx)
-            .zip(self.forces.chunks_exact(nx - nv));
+        let middles = self.middles.chunks_exact(nx);
+        if by == By::Inertia {
+            let mut memory = with.memory(&[]);
+            let own = self.accelerations.chunks_exact(nv);
+            let own = middles.zip(own.zip(self.added.chunks_exact(nv)));
+            for (i, (middle, (a, before))) in own.enumerate() {
+                let now = with.added_inverse_dynamics(with.parts(middle), a, theta, &mut memory);
+                for (j, (now, before)) in now.iter().zip(before).enumerate() {
+                    self.act((inputs, i), j, before - now, |entry, part| {
+                        add(i * nx + entry, part)
+                    });
+                }
+            }
+            return;
+        }
+        let own = middles.zip(self.forces.chunks_exact(nx - nv));
         for (i, (middle, before)) in own.enumerate() {
             let step = self.first + i;
             let state = with.parts(middle);
@@ -185,8 +203,19 @@ pub struct SmallForce<'a> {
     pub theta: &'a [f64],
     /// Its inputs.
     pub inputs: &'a DrivenInputs,
-    /// The effect that is all it has more, a force on a joint; none where its forces differ otherwise.
-    pub only: Option<usize>,
+    /// By what it differs from the roll-out's own model.
+    pub by: By,
+}
+
+/// By what a model differs from another one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum By {
+    /// By any forces.
+    Forces,
+    /// By this effect of its own alone, a force on a joint.
+    Law(usize),
+    /// By what its effects add to M, C and G: to first order the force −ΔID(q, v, v̇) along the roll-out.
+    Inertia,
 }
 
 /// δx_{i+1} = F_i (δx_i + ½ b_i) + ½ b_i of eight forces at once.
@@ -342,12 +371,14 @@ mod tests {
                     with: &with,
                     theta: &theta,
                     inputs: &inputs,
-                    only: None,
+                    by: By::Forces,
                 };
                 let mut both = [Vec::new(), Vec::new()];
-                let only =
-                    matches!(kind.action, Action::Joint(_)).then_some(with.effects().len() - 1);
-                let forces = [force, SmallForce { only, ..force }];
+                let by = match kind.action {
+                    Action::Joint(_) => By::Law(with.effects().len() - 1),
+                    _ => By::Forces,
+                };
+                let forces = [force, SmallForce { by, ..force }];
                 steps.under(&null.states, &forces, &mut memory, &mut both);
                 let [found, alone] = both;
                 // The difference of two forces has lost as many digits as it is smaller than they are.
@@ -356,6 +387,65 @@ mod tests {
                 Roller::new(&with, &[])
                     .roll(&theta, &inputs, SPAN, &START, &mut exact)
                     .unwrap();
+                distance(&exact.states, &found) / distance(&exact.states, &null.states)
+            });
+        }
+    }
+
+    #[test]
+    fn a_small_inertia_moves_the_roll_out_as_its_own_roll_out_says() {
+        let hybrid = pendulum_on_a_cart();
+        let link = |name| {
+            let links = hybrid.links().iter();
+            links.clone().position(|l| l.name == name).unwrap()
+        };
+        for (kind, target, values) in [
+            ("reflected_inertia", 0, vec![1e-7]),
+            ("reflected_inertia", 1, vec![1e-9]),
+            ("added_mass", link("pole"), vec![1e-7]),
+            ("payload", link("pole"), vec![1e-7, 1.7]),
+            ("centre_of_mass", link("pole"), vec![1.0 + 1e-7]),
+            ("link_inertia", link("pole"), vec![1e-9]),
+            ("gravity_tilt", 1, vec![1e-6]),
+        ] {
+            // Beside an inertia that is there already.
+            let mut before = hybrid.clone();
+            let placed = |kind, target| Placed {
+                kind: registry::find(kind).unwrap(),
+                target,
+                smoothing: 0.05,
+                fixed: false,
+            };
+            before.add(placed("reflected_inertia", 0), &[0.1]);
+            let mut with = before.clone();
+            match (kind, target) {
+                ("reflected_inertia", 0) => {
+                    with = hybrid.clone();
+                    with.add(placed(kind, target), &[0.1 + values[0]]);
+                }
+                _ => {
+                    with.add(placed(kind, target), &values);
+                }
+            }
+            falls_as_a_square(|substeps| {
+                let theta = before.theta();
+                let inputs = pushes(&before, &theta, substeps);
+                let (null, steps) = step_by_step((&before, &theta, &[]), &inputs);
+                let theta = with.theta();
+                let inputs = pushes(&with, &theta, substeps);
+                let force = SmallForce {
+                    with: &with,
+                    theta: &theta,
+                    inputs: &inputs,
+                    by: By::Inertia,
+                };
+                let mut found = [Vec::new()];
+                steps.under(&null.states, &[force], &mut with.memory(&[]), &mut found);
+                let mut exact = Trajectory::default();
+                Roller::new(&with, &[])
+                    .roll(&theta, &inputs, SPAN, &START, &mut exact)
+                    .unwrap();
+                let [found] = found;
                 distance(&exact.states, &found) / distance(&exact.states, &null.states)
             });
         }
@@ -419,7 +509,7 @@ mod tests {
                 with: &with,
                 theta: &theta,
                 inputs: &inputs,
-                only: None,
+                by: By::Forces,
             };
             let mut found = [Vec::new()];
             steps.under(&null.states, &[force], &mut with.memory(&[]), &mut found);
@@ -454,7 +544,7 @@ mod tests {
                 with: &with,
                 theta: &theta,
                 inputs: &inputs,
-                only: Some(with.effects().len() - 1),
+                by: By::Law(with.effects().len() - 1),
             };
             let mut modelled = [Vec::new()];
             steps.under(&null.states, &[force], &mut with.memory(&[]), &mut modelled);

@@ -314,6 +314,40 @@ fn what_a_single_link_holds_is_a_payload_however_far_it_had_stretched_mass_and_g
     assert!(gap.after < 1.3 * of_truth, "{gap:?}, {of_truth}");
 }
 
+/// What a rolled-out link with another inertia does where friction holds it had told the screen nothing of a load: a gain of −16 % and a mass beyond its tolerance stood for it, or an
+/// inertia without a weight.
+#[test]
+fn what_a_single_link_holds_is_a_payload_beside_dry_friction() {
+    const LOAD: (f64, f64) = (0.15, 0.4);
+    const COULOMB: f64 = 0.15;
+    let dir = tempfile::tempdir().unwrap();
+    let given = single_link(dir.path(), 2e-5, "");
+    let (mass, at) = LOAD;
+    let inertia = OF_ONE + mass * at * at;
+    let weight = WEIGHT + mass * GRAVITY * at;
+    let law = |_: f64, [phi, v]: [f64; 2], u: f64| {
+        let friction = VISCOUS * v + COULOMB * (v / 2e-3).tanh();
+        let torque = 2.0 * u - friction - weight * phi.sin();
+        WEIGHT * phi.sin() + torque * OF_ONE / inertia
+    };
+    let mut log = log_by(2e-5, 7, law);
+    log.runs[0].u[0].iter_mut().for_each(|u| *u *= 2.0);
+    let found = diagnosed(&given, log);
+    let kinds: Vec<&str> = found.effects.iter().map(|e| &*e.kind).collect();
+    assert_eq!(kinds, ["payload", "coulomb_friction"]);
+    let sizes = [
+        (1, "force", COULOMB),
+        (0, "mass", mass),
+        (0, "place", at / 0.25),
+    ];
+    for (k, name, value) in sizes {
+        let fitted = &found.effects[k].parameters[name];
+        let off = (fitted.value - value).abs();
+        assert!(off < 3.0 * fitted.std.unwrap(), "{name}: {fitted:?}");
+        assert!(off < 0.1 * value, "{name}: {fitted:?}");
+    }
+}
+
 /// Half of what the motor does, or twice the mass: the weight of a single link sets no scale, for it is in proportion.
 #[test]
 fn a_gain_is_told_with_the_mass_that_it_may_be_instead() {

@@ -62,6 +62,7 @@ pub fn screen(study: &Study, fitted: &Fitted, counts: impl Fn(&Kind) -> bool) ->
         (!starts.is_empty()).then_some((c, starts))
     };
     screen.suggested = candidates.into_iter().filter_map(suggested).collect();
+    screen.look_between_probes();
     screen.rank();
     screen
 }
@@ -134,7 +135,7 @@ fn of_columns(study: &Study, fitted: &Fitted, columns: Vec<Column>) -> Screen {
     let by_nuisance = linear.by_nuisance(&s);
     let s_nc = s.view((0, nuisances), (nuisances, columns.len()));
     let s_cc = s.view((nuisances, nuisances), (columns.len(), columns.len()));
-    let information = s_cc - s_nc.transpose() * &by_nuisance;
+    let information = &s_cc - s_nc.transpose() * &by_nuisance;
     let scores: Vec<DVector<f64>> = gradients
         .iter()
         .map(|g| g.rows(nuisances, columns.len()) - by_nuisance.transpose() * g.rows(0, nuisances))
@@ -143,7 +144,7 @@ fn of_columns(study: &Study, fitted: &Fitted, columns: Vec<Column>) -> Screen {
     Screen {
         ranked: Vec::new(),
         suggested: Vec::new(),
-        alone: s_cc.diagonal().iter().copied().collect(),
+        alone: s_cc.into_owned(),
         strain,
         columns,
         scores,
@@ -159,7 +160,7 @@ fn forces_along(probed: &[Probed], at: &AtWindow) -> Vec<Option<Vec<f64>>> {
         .iter()
         .enumerate()
         .filter_map(|(k, with)| {
-            let Change::Forces(only) = with.change else {
+            let Change::Forces(by) = with.change else {
                 return None;
             };
             let own = with.inputs.as_ref();
@@ -167,7 +168,7 @@ fn forces_along(probed: &[Probed], at: &AtWindow) -> Vec<Option<Vec<f64>>> {
                 with: &with.hybrid,
                 theta: &with.theta,
                 inputs: own.map_or(at.inputs, |own| &own[at.window.run]),
-                only,
+                by,
             };
             Some((k, force))
         })

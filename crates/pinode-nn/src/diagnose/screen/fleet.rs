@@ -97,7 +97,7 @@ mod tests {
             columns: vec![column(0), column(1)],
             scores: scores.map(|s| DVector::from_column_slice(&s)).to_vec(),
             information: DMatrix::from_row_slice(2, 2, &information),
-            alone: vec![4.0; 2],
+            alone: DMatrix::from_diagonal_element(2, 2, 4.0),
             strain: DVector::zeros(2),
             by_nuisance: DMatrix::zeros(0, 2),
         };

@@ -7,6 +7,7 @@
 //!
 //! t² counts windows, not samples: residuals within a window are correlated.
 
+mod between;
 mod equations;
 mod fleet;
 mod probed;
@@ -70,8 +71,8 @@ pub struct Screen {
     scores: Vec<DVector<f64>>,
     /// Efficient information of all columns.
     information: DMatrix<f64>,
-    /// Information of each column by itself.
-    alone: Vec<f64>,
+    /// Information of all columns by themselves.
+    alone: DMatrix<f64>,
     /// What the priors of the free constants add to the efficient score of each column: S_cn S_nn⁻¹ P (θ − θ₀), P their weights.
     strain: DVector<f64>,
     /// How the free constants follow a step of each column, with the opposite sign: S_nn⁻¹ S_nc.
@@ -131,7 +132,7 @@ impl Screen {
                 shown: suggested.is_some(),
                 gain: 0.5 * score * score / d,
                 t2: score * score / squares,
-                spanned: 1.0 - d / self.alone[k],
+                spanned: 1.0 - d / self.alone[(k, k)],
                 relief: 0.5 * strain * strain / d,
                 relieving,
             };
@@ -139,14 +140,14 @@ impl Screen {
                 best.push(screened);
                 continue;
             };
-            let (better, other) =
-                match (known.gain, known.relief) < (screened.gain, screened.relief) {
-                    true => {
-                        let other = std::mem::replace(known, screened);
-                        (known, other)
-                    }
-                    false => (known, screened),
-                };
+            let (better, other) = match known.gain + known.relief < screened.gain + screened.relief
+            {
+                true => {
+                    let other = std::mem::replace(known, screened);
+                    (known, other)
+                }
+                false => (known, screened),
+            };
             if suggested.is_none() && column.candidate.kind.starts_from_each_probe() {
                 better.starts.extend(other.starts);
             }

@@ -4,7 +4,7 @@ use crate::diagnose::candidate::Candidate;
 use crate::diagnose::study::{Fitted, Study};
 use crate::effect::Action;
 use crate::hybrid::{DrivenInputs, HiddenPath, Hybrid, Reading};
-use crate::shooting::{Member, ObservedRun, Trajectory, Window, roll_all};
+use crate::shooting::{By, Member, ObservedRun, Trajectory, Window, roll_all};
 
 /// A probe of a candidate: one column of the equations.
 #[derive(Debug, Clone)]
@@ -65,9 +65,9 @@ impl Column {
 pub(super) enum Change {
     /// Only what is read of the fitted model's states.
     Reading,
-    /// Forces along them: to first order about the fitted model's roll-out. Where one on a joint is all there is, its effect.
-    Forces(Option<usize>),
-    /// The states themselves, or the mechanics: it is rolled out.
+    /// Forces along them: to first order about the fitted model's roll-out.
+    Forces(By),
+    /// The states themselves: it is rolled out.
     Motion,
 }
 
@@ -102,17 +102,18 @@ impl Probed {
             _ => fitted.substeps,
         };
         let kind = column.candidate.kind;
-        let same_states = kind.states() == 0
-            && kind.inertial().is_none()
-            && hybrid.nh() == fitted.hybrid.nh()
-            && substeps == fitted.substeps;
+        let same_states =
+            kind.states() == 0 && hybrid.nh() == fitted.hybrid.nh() && substeps == fitted.substeps;
         let beside = column.candidate.replaces(&fitted.hybrid).is_none();
         let change = match kind.action {
             Action::Sensor(_) if same_states && beside => Change::Reading,
             Action::Joint(_) if same_states && beside => {
-                Change::Forces(hybrid.effects().len().checked_sub(1))
+                let own = hybrid.effects().len().checked_sub(1);
+                Change::Forces(own.map_or(By::Forces, By::Law))
             }
-            _ if same_states => Change::Forces(None),
+            // A finite step into an inertia would change where friction sticks by as much as all else.
+            _ if same_states && kind.inertial().is_some() => Change::Forces(By::Inertia),
+            _ if same_states => Change::Forces(By::Forces),
             _ => Change::Motion,
         };
         let same_inputs = substeps == fitted.substeps && !matches!(kind.action, Action::Drive(_));
@@ -230,9 +231,9 @@ mod tests {
         for fitted in [&slow, &fast] {
             assert!(
                 change(fitted, "linear_spring")
-                    == Change::Forces(Some(fitted.hybrid.effects().len()))
+                    == Change::Forces(By::Law(fitted.hybrid.effects().len()))
             );
-            assert!(change(fitted, "added_mass") == Change::Motion);
+            assert!(change(fitted, "added_mass") == Change::Forces(By::Inertia));
         }
     }
 }

@@ -363,6 +363,25 @@ impl Extra {
         }
     }
 
+    /// What the effects add to ID(q, v, v̇ = `a`), into `out`.
+    pub fn inverse_dynamics(
+        &self,
+        (q, v, a): (&[f64], &[f64], &[f64]),
+        (theta, constants): (&[f64], &[f64]),
+        memory: &mut ExtraMemory,
+        out: &mut DVector<f64>,
+    ) {
+        out.fill(0.0);
+        self.add_bias((q, v), (theta, constants), memory, out);
+        let mut mass = std::mem::take(&mut memory.mass);
+        mass.fill(0.0);
+        self.add_mass(q, memory, &mut mass);
+        for (column, a) in mass.column_iter().zip(a) {
+            out.axpy(*a, &column, 1.0);
+        }
+        memory.mass = mass;
+    }
+
     /// M and its factor, into `memory`.
     fn factorise<T: Number>(
         &self,
