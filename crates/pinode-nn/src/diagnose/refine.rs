@@ -86,14 +86,25 @@ impl Contender {
     pub fn is_acceptable(&self) -> bool {
         let relieves = self.imitated && self.is_sure && self.comparison.relieves();
         let let_in = matches!(self.standing, Standing::TakesAll | Standing::Slight);
-        self.is_sensible && (self.comparison.explains() || relieves || let_in)
+        self.is_sensible && !self.is_undone() && (self.comparison.explains() || relieves || let_in)
+    }
+
+    /// Whether constants that are known undo what it does: a gain, an inertia or a scale of a sensor in all forces beside which they are stretched beyond belief.
+    fn is_undone(&self) -> bool {
+        let scales = |c: &Candidate| {
+            c.kind.inertial().is_some()
+                || ["input_gain_error", "sensor_scale"].contains(&c.kind.name)
+        };
+        self.comparison.relief < -RELIEF && self.added.iter().any(scales)
     }
 
     /// Whether it has a say where another would be accepted: what is there may be the one that falls short by a little.
     pub fn is_rival(&self) -> bool {
         let beside = self.standing == Standing::BesideSlight;
         let nearly = self.is_sensible && (self.comparison.nearly_explains() || beside);
-        (nearly || self.is_acceptable()) && self.numerically_sound != Some(false)
+        (nearly || self.is_acceptable())
+            && !self.is_undone()
+            && self.numerically_sound != Some(false)
     }
 }
 

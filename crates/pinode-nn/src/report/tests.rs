@@ -568,6 +568,19 @@ fn every_verdict_is_a_sentence() {
         d.constants[0].tolerance = 0.2;
         assert_eq!(verdict_in_words(&d).contains(" when the mass"), far);
     }
+    let mut beside = d.clone();
+    (beside.verdict, beside.effects) = (Verdict::EffectsFound, found.clone());
+    let mut left = unexplained(None);
+    left.learnt = Some(Learnt {
+        weights: "network.safetensors".into(),
+        without: 9.0,
+        with: 1.2,
+        law: None,
+    });
+    beside.unexplained = Some(left);
+    assert!(verdict_in_words(&beside).contains(
+        "That is not all: a network has learnt something on `slider` that no effect in the library explains."
+    ));
     d.gap.after = f64::NAN;
     d.verdict = Verdict::Unexplained;
     assert_eq!(

@@ -113,15 +113,21 @@ fn adjusted(diagnosis: &Diagnosis) -> String {
 /// What is left beside what was found, where it follows from something.
 fn more(diagnosis: &Diagnosis) -> String {
     let left = diagnosis.unexplained.as_ref();
-    match left.and_then(|left| left.follows.as_ref()) {
-        Some(follows) => format!(" That is not all: what is left follows {follows}."),
-        None => match &diagnosis.change {
-            Some(change) => format!(
-                " That is not all: the {} changes over the log.",
-                change.name
-            ),
-            None => String::new(),
-        },
+    if let Some(follows) = left.and_then(|left| left.follows.as_ref()) {
+        return format!(" That is not all: what is left follows {follows}.");
+    }
+    if let Some(left) = left.filter(|left| left.learnt.is_some()) {
+        return format!(
+            " That is not all: a network has learnt something on `{}` that no effect in the library explains.",
+            left.coordinate
+        );
+    }
+    match &diagnosis.change {
+        Some(change) => format!(
+            " That is not all: the {} changes over the log.",
+            change.name
+        ),
+        None => String::new(),
     }
 }
 

@@ -135,7 +135,7 @@ fn of_columns(study: &Study, fitted: &Fitted, columns: Vec<Column>) -> Screen {
     let by_nuisance = linear.by_nuisance(&s);
     let s_nc = s.view((0, nuisances), (nuisances, columns.len()));
     let s_cc = s.view((nuisances, nuisances), (columns.len(), columns.len()));
-    let information = &s_cc - s_nc.transpose() * &by_nuisance;
+    let information = s_cc - s_nc.transpose() * &by_nuisance;
     let scores: Vec<DVector<f64>> = gradients
         .iter()
         .map(|g| g.rows(nuisances, columns.len()) - by_nuisance.transpose() * g.rows(0, nuisances))
