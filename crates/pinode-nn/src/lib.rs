@@ -57,6 +57,7 @@ mod error;
 mod naming;
 mod past;
 mod processor;
+mod typical;
 
 pub use disk::write_atomically;
 pub use error::{Error, Unmoved};

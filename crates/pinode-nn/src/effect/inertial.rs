@@ -8,6 +8,7 @@ use nalgebra::{Cholesky, Matrix3, Vector3};
 
 use crate::entries::starts;
 use crate::motion::{NotFree, check_free};
+use crate::typical::typical;
 
 /// A horizontal part of an axis below this counts as none.
 const VERTICAL: f64 = 1e-6;
@@ -51,11 +52,10 @@ pub enum Inertial {
     Tilt,
 }
 
-/// 1/(M⁻¹)_jj of a coordinate of one number at the neutral configuration, kg or kg·m².
+/// 1/(M⁻¹)_jj of a coordinate of one number at the [typical] configuration, kg or kg·m².
 pub(crate) fn moved(coordinate: usize, mechanics: &dyn Mechanics) -> Option<f64> {
     let at = starts(mechanics.coordinates()).get(coordinate)?.v;
-    let neutral = lagrange::state::neutral(mechanics.coordinates());
-    let inverse = Cholesky::new(mechanics.mass_matrix(&neutral).ok()?)?.inverse();
+    let inverse = Cholesky::new(typical(mechanics).1?)?.inverse();
     Some(1.0 / inverse.get((at, at))?)
 }
 

@@ -12,6 +12,7 @@ use crate::effect::{Action, Between, Kind, Law};
 use crate::entries::starts;
 use crate::model::{Input, Model, Pushes, Target};
 use crate::motion::Positions;
+use crate::typical::typical;
 
 impl Hybrid {
     /// A model file's mechanics, inputs and effects, with its tolerances, for fits and roll-outs: [stepped implicitly](Self::is_stiff) where its
@@ -144,6 +145,7 @@ impl Hybrid {
             slow: vec![1.0; mechanics.coordinates().len()],
             starts: starts(mechanics.coordinates()),
             left: vec![false; mechanics.nv()],
+            typical: typical(&*mechanics).0,
             space: Product {
                 first: PhaseSpace {
                     positions: Positions::new(mechanics.coordinates()),

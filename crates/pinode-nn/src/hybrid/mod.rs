@@ -87,6 +87,8 @@ pub struct Hybrid {
     mechanics: Arc<dyn Mechanics>,
     /// Where each coordinate stands in q and in v.
     starts: Vec<Start>,
+    /// Where it is taken to be where nobody says.
+    typical: Vec<f64>,
     /// Where the states (q, v, h) live.
     space: Product<PhaseSpace<Positions>, Flat>,
     /// The coordinate each input acts on; of one that pushes a link, that of the link's joint.

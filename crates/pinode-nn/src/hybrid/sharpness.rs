@@ -30,22 +30,24 @@ impl Hybrid {
         default_smoothing(angular) * self.sharpness.0
     }
 
-    /// The fastest rate of dry friction at rest where all coordinates are 0, −(M⁻¹)_jj ∂Q_j/∂v_j, 1/s; 0 where M has no inverse there, where a body
+    /// The fastest rate of dry friction at rest at the [typical](crate::typical) configuration, −(M⁻¹)_jj ∂Q_j/∂v_j, 1/s; 0 where M has no inverse there, where a body
     /// floats and under constraints.
     pub(crate) fn fastest_friction(&self, theta: &[f64]) -> f64 {
         let n = self.nv();
         if self.nq() != n || self.mechanics.constraints().is_some() {
             return 0.0;
         }
-        let rest = vec![[0.0; LANES]; self.nx()];
-        let zeros = vec![0.0; n];
+        let mut rest = vec![[0.0; LANES]; self.nx()];
+        for (lanes, q) in rest.iter_mut().zip(&self.typical) {
+            *lanes = [*q; LANES];
+        }
         let mut mass = nalgebra::DMatrix::zeros(n, n);
-        self.mass_matrix_into(&zeros, theta, &mut self.memory(&[]), &mut mass);
+        self.mass_matrix_into(&self.typical, theta, &mut self.memory(&[]), &mut mass);
         let Some(mass) = nalgebra::Cholesky::new(mass) else {
             return 0.0;
         };
         let response = mass.inverse().diagonal();
-        let (mut slopes, mut room) = (zeros, Room::default());
+        let (mut slopes, mut room) = (vec![0.0; n], Room::default());
         for (index, effect) in self.effects.iter().enumerate() {
             if let Some(law) = self.laws[index]
                 .as_ref()

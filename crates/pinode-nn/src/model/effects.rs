@@ -1,7 +1,6 @@
 //! The effects of a model: `[[effect]]` tables, and friction from the URDF's `<dynamics>`.
 
 use lagrange::{Mechanics, Position, Problem};
-use nalgebra::DMatrix;
 use toml::de::DeValue;
 
 use super::document::{Faults, Section};
@@ -11,6 +10,7 @@ use super::{EffectEntry, Input, Target};
 use crate::effect::{Action, ActsOn, Kind, Misplaced, RigidStop, moved, registry};
 use crate::entries::starts;
 use crate::naming::{hint, nearest, quoted};
+use crate::typical::typical;
 
 /// The `[[effect]]` tables, each with its byte offset.
 pub(super) fn read(
@@ -309,17 +309,10 @@ fn read_one(
     })
 }
 
-/// M of a mechanism at its neutral configuration.
-fn neutral_mass(mechanism: &Mechanism) -> Option<DMatrix<f64>> {
-    let mechanics = &mechanism.mechanics;
-    let q = lagrange::state::neutral(mechanics.coordinates());
-    mechanics.mass_matrix(&q).ok()
-}
-
-/// The entry of M of coordinate `c` at the neutral configuration, kg or kg·m².
+/// The entry of M of coordinate `c` at the [typical] configuration, kg or kg·m².
 fn inertia_of(mechanism: &Mechanism, c: usize) -> Option<f64> {
     let at = starts(mechanism.mechanics.coordinates()).get(c)?.v;
-    neutral_mass(mechanism)?.get((at, at)).copied()
+    typical(&*mechanism.mechanics).1?.get((at, at)).copied()
 }
 
 /// What no motor can be that a joint has in its inertia: as much as the joint moves, or more. What it moves when all else is free to give
