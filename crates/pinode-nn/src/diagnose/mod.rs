@@ -80,6 +80,7 @@ mod step_length;
 mod stops;
 mod study;
 mod twins;
+mod undoing;
 mod unexplained;
 mod unseen_spring;
 mod unstretched;

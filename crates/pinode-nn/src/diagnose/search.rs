@@ -17,6 +17,7 @@ use super::remainder::Remainder;
 use super::remembering::remembering;
 use super::step::{LOUD, Report, Step, Turn, is_dear, is_second_choice, may_rub, step_from};
 use super::study::{Fitted, Study};
+use super::undoing::{drop_undone, share_not_undone};
 use super::unseen_spring::unseen_spring;
 use super::unstretched::unstretched;
 use super::width::respread;
@@ -319,6 +320,7 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
         report("what is read late by the same everywhere is told as inputs that are late");
         (current, added) = pushed;
     }
+    drop_undone(&study, &base, &mut current, &mut added, report);
     let mut found = revisit(
         &study,
         &base,
@@ -337,7 +339,8 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
     let left = current.left(&study).cloned();
     let explained = explained(&study, &base, &current);
     for found in &mut found {
-        found.believe(explained.min(found.share_beside(left.as_ref())));
+        let undone = share_not_undone(&current, &found.candidate, &added);
+        found.believe(explained.min(found.share_beside(left.as_ref())).min(undone));
     }
     in_order_of_contribution(&mut found);
     Search {
