@@ -9,11 +9,16 @@ use super::comparison::Comparison;
 use super::found::{Found, position, stripped};
 use super::refine::{ITERATIONS, is_sensible};
 use super::study::{Fitted, Study};
-use crate::effect::{ActsOn, Quantity, registry};
-use crate::hybrid::{ConstantId, Hybrid};
+use crate::effect::{ActsOn, Family, Inertial, Kind, Quantity, registry};
+use crate::hybrid::{ConstantId, Hybrid, Placed};
 
 /// Another name for what was found that explains no less than these nats less does as well: twenty to one.
 const AS_WELL: f64 = 3.0;
+
+/// What scales all forces of one coordinate, beside its inertia.
+const SCALES: [&str; 2] = ["input_gain_error", "sensor_scale"];
+/// What changes by less than this part along a coordinate does not.
+const LEVEL: f64 = 1e-9;
 
 /// Another name, its constant, and by how many times all free forces are larger beside it that are of some degree in the motion, a^n b of degree n.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,6 +60,42 @@ fn duals(kind: &str, p: f64, mass: f64) -> Vec<Dual> {
         "gravity_tilt" => [p, -p].map(|p| dual("sensor_offset", p, 1.0, 1.0)).to_vec(),
         _ => Vec::new(),
     }
+}
+
+/// Whether a model names one scale of all forces twice: two of a gain, an inertia and a sensor's scale where these are one equation, for nothing knows the position. What tells them apart is then
+/// something else that is not as it should be.
+pub fn says_twice(hybrid: &Hybrid) -> bool {
+    let scales = |e: &&Placed| !e.fixed && (SCALES.contains(&e.kind.name) || is_inertia(e.kind));
+    let is_one_equation = || hybrid.nv() == 1 && hybrid.inputs() == 1 && !hybrid.is_on_link(0);
+    hybrid.effects().iter().filter(scales).count() > 1
+        && is_one_equation()
+        && !knows_position(hybrid)
+}
+
+/// Whether a kind makes a mechanism of one coordinate heavier or lighter.
+fn is_inertia(kind: &Kind) -> bool {
+    kind.inertial()
+        .is_some_and(|change| change != Inertial::Tilt)
+}
+
+/// Whether the mechanics, or what is known exactly of the forces, change along the one coordinate.
+fn knows_position(hybrid: &Hybrid) -> bool {
+    let mechanics = hybrid.mechanics();
+    let at = |x: f64| {
+        Some((
+            mechanics.mass_matrix(&[x]).ok()?,
+            mechanics.gravity_force(&[x]).ok()?,
+        ))
+    };
+    let changes = match (at(0.3), at(-0.8)) {
+        (Some((mass, weight)), Some(there)) => {
+            let size = mass.norm() + weight.norm();
+            (mass - there.0).norm() + (weight - there.1).norm() > LEVEL * size
+        }
+        _ => true,
+    };
+    let pulls = |e: &Placed| e.fixed && e.kind.family == Family::Conservative;
+    changes || hybrid.effects().iter().any(pulls)
 }
 
 /// The degree of a force in the motion.

@@ -7,6 +7,7 @@ use super::candidate::Candidate;
 use super::comparison::{Comparison, RELIEF, SURE};
 use super::confidence::wins;
 use super::contained::{instead, is_simpler};
+use super::duals::says_twice;
 use super::found::position;
 use super::screen::Screened;
 use super::shown::fit_shown;
@@ -89,13 +90,14 @@ impl Contender {
         self.is_sensible && !self.is_undone() && (self.comparison.explains() || relieves || let_in)
     }
 
-    /// Whether constants that are known undo what it does: a gain, an inertia or a scale of a sensor in all forces beside which they are stretched beyond belief.
+    /// Whether something undoes what it does: constants that are known, stretched beyond belief beside a gain, an inertia or a scale of a sensor; or another of these.
     fn is_undone(&self) -> bool {
         let scales = |c: &Candidate| {
             c.kind.inertial().is_some()
                 || ["input_gain_error", "sensor_scale"].contains(&c.kind.name)
         };
-        self.comparison.relief < -RELIEF && self.added.iter().any(scales)
+        let is_stretched = self.comparison.relief < -RELIEF && self.added.iter().any(scales);
+        is_stretched || says_twice(&self.fitted.hybrid)
     }
 
     /// Whether it has a say where another would be accepted: what is there may be the one that falls short by a little.

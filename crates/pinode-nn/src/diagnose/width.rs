@@ -8,6 +8,7 @@ use std::f64::consts::SQRT_2;
 use super::candidate::Candidate;
 use super::comparison::Comparison;
 use super::nuisance::owe;
+use super::step::LOUD;
 use super::study::{Fitted, Study};
 use crate::effect::Quantity;
 use crate::hybrid::{Hybrid, Placed};
@@ -22,7 +23,9 @@ const FAR: [f64; 3] = [4.0, 16.0, 64.0];
 const SHARE: usize = 4;
 const TRIED: usize = 4;
 const WORTH_A_TRIAL: f64 = 3.0;
-const NEARER: [(f64, usize); 4] = [(2.0, 5), (SQRT_2, 1), (1.19, 1), (1.09, 1)];
+const NEARER: [(f64, usize); 4] = [(2.0, 5), (SQRT_2, 1), (1.19, 1), (1.09, 3)];
+/// The last of them is closer than that.
+const CLOSEST: f64 = 1.1;
 /// Over ranges as close as that the likelihood is a parabola of their logarithm, whose top says whether closer ones would gain enough.
 const PARABOLIC: f64 = 1.5;
 /// A range that gains so many nats on the seen windows, and any on those held out, is the one: it is no effect that asks for a name.
@@ -58,16 +61,20 @@ pub fn respread(study: &Study, fitted: &Fitted, added: &[Candidate]) -> Option<F
         (best.0 > WORTH_A_TRIAL).then_some((best.1, best.2))
     };
     let near = NEAR.map(|factor| (spread(study, fitted, factor, ITERATIONS), factor));
-    let mut wide = match best(&mut near.into_iter(), fitted) {
-        Some((near, _)) => near,
-        None => {
-            // Little changes before the range reaches speeds that the motion has often. Some of the windows tell whether it does.
-            let (some, there) = study.some_windows(fitted, SHARE);
-            let far = FAR.map(|factor| (spread(&some, &there, factor, TRIED), factor));
-            let (_, factor) = best(&mut far.into_iter(), &there)?;
-            spread(study, fitted, factor, ITERATIONS)
-        }
+    let near = best(&mut near.into_iter(), fitted).map(|(near, _)| near);
+    // Little changes before the range reaches speeds that the motion has often. Some of the windows tell whether it does.
+    let far = || {
+        let (some, there) = study.some_windows(fitted, SHARE);
+        let far = FAR.map(|factor| (spread(&some, &there, factor, TRIED), factor));
+        let (_, factor) = best(&mut far.into_iter(), &there)?;
+        Some(spread(study, fitted, factor, ITERATIONS))
     };
+    let mut wide = match near {
+        Some(near) if near.most_excess(study) < LOUD => near,
+        Some(near) => far().filter(|far| gain(far, &near) > 0.0).unwrap_or(near),
+        None => far()?,
+    };
+    let mut between = (f64::INFINITY, [0.0; 2]);
     'nearer: for (step, most) in NEARER {
         for _ in 0..most {
             let mut gains = [0.0; 2];
@@ -80,8 +87,19 @@ pub fn respread(study: &Study, fitted: &Fitted, added: &[Candidate]) -> Option<F
             match better {
                 Some(better) => wide = better,
                 None if step < PARABOLIC && top(gains) < WORTH_A_TRIAL => break 'nearer,
-                None => break,
+                None => {
+                    between = (step, gains);
+                    break;
+                }
             }
+        }
+    }
+    // Between the closest ones it is where their parabola has its top: constants in proportion, as a sensor's scale, would make up for a part of one in a hundred.
+    let (step, gains) = between;
+    if step < CLOSEST && top(gains) > WORTH_A_TRIAL {
+        let there = spread(study, &wide, step.powf(top_at(gains)), ITERATIONS);
+        if gain(&there, &wide) > 0.0 {
+            wide = there;
         }
     }
     let lead = Comparison::of(&wide, fitted);
@@ -119,6 +137,12 @@ pub fn owed(study: &Study, fitted: &Fitted) -> Vec<f64> {
 fn top(outer: [f64; 2]) -> f64 {
     let [slope, bend] = [outer[0] - outer[1], outer[0] + outer[1]];
     -slope.powi(2) / (8.0 * bend)
+}
+
+/// Where it is, from −1 to 1 of them.
+fn top_at(outer: [f64; 2]) -> f64 {
+    let [slope, bend] = [outer[0] - outer[1], outer[0] + outer[1]];
+    -slope / (2.0 * bend)
 }
 
 /// The fit of a model with some of its dry friction spread over so many times the speeds, by steps that follow it at rest.
@@ -167,8 +191,10 @@ mod tests {
     #[test]
     fn the_top_of_a_parabola_gains_what_three_of_its_points_say() {
         let l = |x: f64| 5.0 - 2.0 * (x - 1.0 / 3.0).powi(2);
-        let gained = top([l(1.0) - l(0.0), l(-1.0) - l(0.0)]);
+        let outer = [l(1.0) - l(0.0), l(-1.0) - l(0.0)];
+        let (gained, at) = (top(outer), top_at(outer));
         assert!((gained - (5.0 - l(0.0))).abs() < 1e-12, "{gained}");
+        assert!((at - 1.0 / 3.0).abs() < 1e-12, "{at}");
         assert!(top([f64::NEG_INFINITY, -1.0]).is_nan());
     }
 }

@@ -12,6 +12,8 @@ use crate::typical::typical;
 
 /// A horizontal part of an axis below this counts as none.
 const VERTICAL: f64 = 1e-6;
+/// Two directions of which the cosine is larger are one.
+const PARALLEL: f64 = 0.99;
 /// The share of an inertia by which a screen probes for more of it: what the free constants leave of a change that they imitate is far less
 /// than what of it is not linear, unless it is small.
 pub(super) const PROBE: f64 = 1e-4;
@@ -283,6 +285,31 @@ impl Inertial {
             }
         }
     }
+}
+
+/// The coordinates about which a base may be found to be tilted: those of joints on the base whose axes are not vertical; of an arm that turns about a vertical axis there,
+/// the first joint of each horizontal direction.
+pub(crate) fn tilts(tree: &Tree) -> Vec<usize> {
+    let joint_of = |body: &Body| tree.joints().get(body.joint?);
+    let coordinate = |body: &Body| {
+        let joint = joint_of(body).filter(|joint| joint.is_independent())?;
+        let c = joint.coordinate?;
+        Some((c, Vector3::from(tilt_direction(tree, c)?)))
+    };
+    let bodies = tree.bodies().iter();
+    let on_base = bodies.clone().filter(|body| body.parent.is_none());
+    let on_base: Vec<usize> = on_base.filter_map(coordinate).map(|(c, _)| c).collect();
+    if !on_base.is_empty() {
+        return on_base;
+    }
+    let mut told: Vec<(usize, Vector3<f64>)> = Vec::new();
+    for (c, direction) in bodies.filter_map(coordinate) {
+        let is_new = |(_, other): &(usize, Vector3<f64>)| other.dot(&direction).abs() < PARALLEL;
+        if told.iter().all(is_new) {
+            told.push((c, direction));
+        }
+    }
+    told.into_iter().map(|(c, _)| c).collect()
 }
 
 /// The horizontal unit direction d towards which gravity moves where the base is tilted about coordinate `c`, in the world's axes; `None`

@@ -61,7 +61,7 @@ pub use between::Between;
 pub use distortion::Distortion;
 pub use drive::{DriveLaw, Grid, Signal};
 pub use inertial::{Inertial, Misplaced, tilt_direction};
-pub(crate) use inertial::{about_joint, moved};
+pub(crate) use inertial::{about_joint, moved, tilts};
 pub use joint_force::{
     DryFriction, ForceLaw, JointForce, JointForceDerivatives, OnCoordinate, RigidStop, smooth_sign,
 };

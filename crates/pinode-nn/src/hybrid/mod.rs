@@ -32,7 +32,7 @@ use integrators::{Flat, PhaseSpace, Product, Space};
 use lagrange::Mechanics;
 use lagrange::mechanism::{Body, JointKind, Link, LinkForce, Tree};
 
-use crate::effect::{Action, ActsOn, Between, Inertial, Kind, Law, about_joint};
+use crate::effect::{Action, ActsOn, Between, Inertial, Kind, Law, about_joint, tilts};
 use crate::entries::Start;
 use crate::learnt::LearntForce;
 use crate::motion::Positions;
@@ -235,7 +235,7 @@ impl Hybrid {
     }
 
     /// Whether an effect that changes the mechanics may be looked for on `target` (of an input, its coordinate): a rotor on every joint,
-    /// for gears, flywheels and encoders have inertia as motors have; a mass once in each body that has some, a tilt where a joint is on the base.
+    /// for gears, flywheels and encoders have inertia as motors have; a mass once in each body that has some, a tilt where joints [tell](tilts) its direction.
     pub fn may_change(&self, change: Inertial, target: usize) -> bool {
         let tree = self.variants.as_ref().map(|v| v.tree());
         let theta = self.theta();
@@ -246,11 +246,7 @@ impl Hybrid {
             Inertial::Centre | Inertial::OfLink => {
                 self.mass_of_body(target).is_some() && tree.is_some_and(|tree| turns(tree, target))
             }
-            Inertial::Tilt => tree.is_some_and(|tree| {
-                let on_base = tree.bodies().iter().filter(|body| body.parent.is_none());
-                let mut joints = on_base.filter_map(|body| tree.joints().get(body.joint?));
-                joints.any(|joint| joint.is_independent() && joint.coordinate == Some(target))
-            }),
+            Inertial::Tilt => tree.is_some_and(|tree| tilts(tree).contains(&target)),
         };
         sensible && change.check(target, self.mechanics(), p, tree).is_ok()
     }
