@@ -90,6 +90,15 @@ impl Comparison {
         lacks(z, (self.inside_gain, self.outside_gain))
     }
 
+    /// Whether the gain is significant on both sides, be it large enough or not.
+    pub fn is_significant(&self) -> bool {
+        lacks(
+            (self.inside.z_in_reach(), self.outside.z),
+            (f64::INFINITY, f64::INFINITY),
+        )
+        .is_none()
+    }
+
     /// Whether the gain is significant and large enough on both sides.
     pub fn explains(&self) -> bool {
         self.lacks().is_none()

@@ -2,6 +2,8 @@
 
 use super::study::{Fitted, Study};
 use super::verdict::Gap;
+use super::width::is_soft;
+use crate::hybrid::{Hybrid, Placed};
 use crate::shooting::Channel;
 
 /// Residual over sensor noise beyond which a model does not explain the data: on a displacement, on an angle.
@@ -77,6 +79,9 @@ const ASTRAY: (f64, f64) = (50.0, 0.05);
 /// What is within so many times what the noise and their starts make of a right model, to first order, is no sign of a wrong one.
 const AS_EXPECTED: f64 = 2.0;
 
+/// … and what is so many times as much is one, where it is known as well as that.
+const FAR_FROM_EXPECTED: f64 = 6.0;
+
 /// Whether free runs err by more than the errors of their starts make.
 fn is_more_than_expected(gap: &Gap) -> bool {
     // Where it is not known what is expected, all is more.
@@ -98,6 +103,17 @@ pub fn is_not_all(gap: &Gap, windows_leave: f64) -> bool {
     let is_far = (gap.after > FAR && is_more(leave, STILL))
         || (gap.after > astray && (is_more(leave, share) || is_more(windows_leave, share)));
     is_far && is_more_than_expected(gap)
+}
+
+/// Whether free runs of a model with something that was found, in which nothing sticks, strikes or remembers, err by far more than their starts make: of such a model it is known what that is.
+pub fn is_far_from_expected(gap: &Gap, model: &Hybrid) -> bool {
+    let is_smooth = |e: &Placed| {
+        let sticks = e.kind.dry().is_some() && !is_soft(model, e);
+        !sticks && e.kind.stop().is_none() && e.kind.states() == 0
+    };
+    gap.after > FAR
+        && gap.after > FAR_FROM_EXPECTED * gap.expected
+        && model.effects().iter().all(is_smooth)
 }
 
 /// The share of the misfit of `null` that `model` leaves in its windows: 0 where it leaves what is within its limits.

@@ -252,6 +252,7 @@ pub(crate) fn diagnose_into(
         true => {
             let windows_leave = misfit::leaves(study, &search.null, &search.model);
             misfit::is_not_all(&proved.gap, windows_leave)
+                || misfit::is_far_from_expected(&proved.gap, &search.model.hybrid)
         }
         false => !at_fault && misfit::is_contradicted(&proved.gap),
     };

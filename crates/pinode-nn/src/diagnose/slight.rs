@@ -3,7 +3,7 @@
 //! With the information I_w on an effect of size δ, a window gains ½ I_w δ² by it, give or take √I_w δ: a comparison of windows sees it with
 //! z = ½ δ √(Σ I_w), half as clearly as its size is determined, and less where a few windows know most of it. So where nothing explains enough by itself,
 //! the scores e_w of the model without it are asked, along the whole of the fitted effect: t = Σ e_w / √(Σ e_w²), in the seen windows, which it was
-//! fitted to, and in those held out. Without an effect both are normal, and t_in² + max(t_out, 0)² is beyond T² with a probability below exp(−T²/2).
+//! fitted to, and in those held out, unless the windows see it beyond doubt: where few of them have large scores, these are the less sure. Without an effect both are normal, and t_in² + max(t_out, 0)² is beyond T² with a probability below exp(−T²/2).
 
 use super::accept::leading;
 use super::comparison::{Comparison, SLIGHT};
@@ -28,7 +28,9 @@ impl Step {
         let held_out = study.of_held_out(current);
         for contender in &mut self.contenders {
             if contender.is_sensible && contender.comparison.explains_slightly() {
-                contender.standing = match is_sure(study, current, &held_out, contender) {
+                let is_sure = contender.comparison.is_significant()
+                    || is_sure(study, current, &held_out, contender);
+                contender.standing = match is_sure {
                     true => Standing::Slight,
                     false => Standing::BesideSlight,
                 };
