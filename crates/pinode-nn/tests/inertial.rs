@@ -194,6 +194,41 @@ fn a_link_whose_centre_and_inertia_are_others_is_one_whose_urdf_says_so() {
     }
 }
 
+/// The base of an arm that turns about a vertical axis is as little level as any.
+#[test]
+fn a_tilt_is_looked_for_about_the_first_joint_of_each_horizontal_direction() {
+    let joint = |name: &str, parent: &str, axis: &str| {
+        format!(
+            r#"<link name="of_{name}"><inertial><origin xyz="0.1 0 0.1"/><mass value="1"/>
+              <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+              <joint name="{name}" type="continuous"><parent link="{parent}"/><child link="of_{name}"/><axis xyz="{axis}"/></joint>"#
+        )
+    };
+    let told = |joints: &[(&str, &str)]| {
+        let mut urdf = r#"<robot name="arm"><link name="base"/>"#.to_owned();
+        let mut parent = "base".to_owned();
+        for (name, axis) in joints {
+            urdf += &joint(name, &parent, axis);
+            parent = format!("of_{name}");
+        }
+        let hybrid = Hybrid::of(&model(&(urdf + "</robot>"), ""));
+        let is_told = |c: &usize| hybrid.may_change(Inertial::Tilt, *c);
+        (0..joints.len()).filter(is_told).collect::<Vec<_>>()
+    };
+    let (yaw, level, across) = ("0 0 1", "0 -1 0", "1 0 0");
+    assert_eq!(
+        told(&[("yaw", yaw), ("shoulder", level), ("elbow", level)]),
+        [1]
+    );
+    assert_eq!(
+        told(&[("yaw", yaw), ("shoulder", level), ("roll", across)]),
+        [1, 2]
+    );
+    // A joint on the base tells it by itself.
+    assert_eq!(told(&[("shoulder", level), ("roll", across)]), [0]);
+    assert!(told(&[("yaw", yaw), ("wheel", yaw)]).is_empty());
+}
+
 #[test]
 fn only_of_what_turns_the_inertia_shows() {
     let candidates = |link: &str| {

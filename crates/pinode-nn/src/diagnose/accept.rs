@@ -4,6 +4,7 @@ use super::candidate::Candidate;
 use super::comparison::Comparison;
 use super::numerics::sharp;
 use super::refine::{Contender, Standing, is_sensible, rank};
+use super::step::FAR;
 use super::study::{Fitted, Study};
 use super::width::{is_soft, respread};
 use crate::smoothing::VISIBLE;
@@ -102,10 +103,12 @@ pub fn simpler(study: &Study, contenders: &[Contender], k: usize, best: usize) -
 }
 
 /// Whether one explains more than another that it contains, with this lead. Two laws of dry friction that are not as sharp as the data see it both lose, in other windows each,
-/// and what one of them is ahead is lost in that: then it is asked of them as sharp as that.
+/// and what one of them is ahead is lost in that: then it is asked of them as sharp as that. Where they are far from the log, for other things are missing, it is asked once these
+/// are there.
 fn has_more(study: &Study, rich: &Contender, simple: &Contender, lead: Comparison) -> bool {
     let are_dry = rich.added.iter().all(|c| c.kind.dry().is_some());
-    let leads = lead.inside.gain > WORTH_SHARPENING && lead.outside.gain > 0.0;
+    let is_near = || rich.fitted.most_excess(study) < FAR;
+    let leads = lead.inside.gain > WORTH_SHARPENING && lead.outside.gain > 0.0 && is_near();
     let as_sharp = || {
         let sharp = |c: &Contender| as_sharp_as_seen(study, &c.fitted, &c.added);
         let model = sharp(rich);

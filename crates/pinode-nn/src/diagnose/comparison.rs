@@ -220,6 +220,28 @@ mod tests {
     }
 
     #[test]
+    fn a_gain_may_be_beyond_doubt_and_small() {
+        let compared = |z: f64, outside: f64| Comparison {
+            inside: Paired {
+                z,
+                gain: 140.0,
+                windows: 66,
+            },
+            outside: Paired {
+                z: outside,
+                gain: 30.0,
+                windows: 20,
+            },
+            inside_gain: 0.02,
+            outside_gain: 0.02,
+            relief: 0.0,
+        };
+        assert!(compared(6.8, 3.3).is_significant() && !compared(6.8, 3.3).explains());
+        assert!(!compared(3.5, 2.5).is_significant());
+        assert!(!compared(6.8, 1.5).is_significant());
+    }
+
+    #[test]
     fn an_explanation_is_large_enough_and_sure_on_the_windows_that_the_fit_saw_and_on_those_held_out()
      {
         let large = (0.051, 0.026);

@@ -62,14 +62,22 @@ fn duals(kind: &str, p: f64, mass: f64) -> Vec<Dual> {
     }
 }
 
+/// Whether a candidate is a sensor's scale that is told as a gain: nothing knows the position, and what tells the two apart is over which speeds friction changes its sign.
+pub fn is_told_as_gain(candidate: &Candidate, hybrid: &Hybrid) -> bool {
+    candidate.kind.name == SCALES[1] && is_one_equation(hybrid)
+}
+
+/// Whether a gain, an inertia and a sensor's scale are one equation.
+fn is_one_equation(hybrid: &Hybrid) -> bool {
+    let has_one = hybrid.nv() == 1 && hybrid.inputs() == 1 && !hybrid.is_on_link(0);
+    has_one && !knows_position(hybrid)
+}
+
 /// Whether a model names one scale of all forces twice: two of a gain, an inertia and a sensor's scale where these are one equation, for nothing knows the position. What tells them apart is then
 /// something else that is not as it should be.
 pub fn says_twice(hybrid: &Hybrid) -> bool {
     let scales = |e: &&Placed| !e.fixed && (SCALES.contains(&e.kind.name) || is_inertia(e.kind));
-    let is_one_equation = || hybrid.nv() == 1 && hybrid.inputs() == 1 && !hybrid.is_on_link(0);
-    hybrid.effects().iter().filter(scales).count() > 1
-        && is_one_equation()
-        && !knows_position(hybrid)
+    hybrid.effects().iter().filter(scales).count() > 1 && is_one_equation(hybrid)
 }
 
 /// Whether a kind makes a mechanism of one coordinate heavier or lighter.
@@ -163,7 +171,37 @@ pub fn with_duals(study: &Study, null: &Fitted, current: &Fitted, found: &mut Fo
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
+    use crate::model::Model;
+
+    #[test]
+    fn a_scale_is_said_twice_where_nothing_knows_the_position() {
+        let model = |potential: &str, more: &str| {
+            let text = format!(
+                "name = \"slide\"\n[lagrangian]\ncoordinates = [\"x\"]\nkinetic = \"x_dot^2\"\npotential = \"{potential}\"\n\
+                 [[input]]\nname = \"push\"\njoint = \"x\"\n{more}"
+            );
+            Model::parse(Path::new("slide.toml"), text).map(|model| Hybrid::of(&model))
+        };
+        let gain = "[[effect]]\nkind = \"input_gain_error\"\ninput = \"push\"\ngain = 0.1\n";
+        let scale = "[[effect]]\nkind = \"sensor_scale\"\njoint = \"x\"\nscale = 0.1\n";
+        let spring = "[[effect]]\nkind = \"linear_spring\"\njoint = \"x\"\nstiffness = 3.0\nrest = 0.0\nfixed = true\n";
+        for (potential, effects, twice) in [
+            ("0", &[gain, scale][..], true),
+            ("0", &[gain], false),
+            ("0", &[gain, scale, spring], false),
+            ("2*x^2", &[gain, scale], false),
+        ] {
+            let hybrid = model(potential, &effects.concat());
+            assert_eq!(
+                hybrid.map(|h| says_twice(&h)).ok(),
+                Some(twice),
+                "{potential} {effects:?}"
+            );
+        }
+    }
 
     /// M q̈ + c + b v + d v² = (1 + g) u by each of the three names: forces of degree n, and back.
     #[test]

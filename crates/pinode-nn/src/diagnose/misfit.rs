@@ -140,6 +140,9 @@ pub fn explained(study: &Study, null: &Fitted, model: &Fitted) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::candidate::Candidate;
+    use super::super::pushes::tests::prepared;
+    use super::super::setup::Prepared;
     use super::*;
 
     fn gap(before: f64, after: f64) -> Gap {
@@ -183,6 +186,33 @@ mod tests {
         // Where nothing is known of it the errors speak.
         assert!(is_contradicted(&unstable(24.5, f64::NAN)));
         assert!(is_not_all(&unstable(24.5, f64::NAN), 0.5));
+    }
+
+    #[test]
+    fn free_runs_far_from_expected_say_that_something_is_left_where_nothing_sticks() {
+        let (_dir, Prepared { null, .. }) = prepared(0.0);
+        let with = |name: &str, values: &[f64], wider: f64| {
+            let candidate = Candidate::named(name, 0);
+            let (hybrid, _) = candidate.place(&null.hybrid, &null.inside.theta, values);
+            hybrid.with_smoothing_scale(wider)
+        };
+        let smooth = with("quadratic_drag", &[0.3], 1.0);
+        assert!(is_far_from_expected(&gap(1400.0, 27.5), &smooth));
+        assert!(
+            !is_far_from_expected(&gap(1400.0, 11.5), &smooth),
+            "of 2 expected"
+        );
+        let dry = |wider: f64| with("coulomb_friction", &[0.3], wider);
+        assert!(
+            !is_far_from_expected(&gap(1400.0, 27.5), &dry(1.0)),
+            "it sticks"
+        );
+        assert!(
+            is_far_from_expected(&gap(1400.0, 27.5), &dry(30.0)),
+            "a film"
+        );
+        let bristles = with("dahl_friction", &[20.0, 0.3], 1.0);
+        assert!(!is_far_from_expected(&gap(1400.0, 27.5), &bristles));
     }
 
     #[test]

@@ -46,7 +46,7 @@ const ALIKE: f64 = 0.02;
 /// Residuals of so many times the noise are no noise, whether they follow from anything or not …
 pub const LOUD: f64 = 1.5;
 /// … and a model with residuals of so many times is far from the log.
-const FAR: f64 = 5.0;
+pub const FAR: f64 = 5.0;
 
 /// One step of the search.
 #[derive(Clone, Default)]

@@ -71,3 +71,33 @@ fn part_left(fitted: &Fitted, a: &Candidate, b: &Candidate) -> Option<f64> {
     let apart = xx.sqrt() + yy.sqrt();
     (apart > 0.0).then(|| together.max(0.0).sqrt() / apart)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::pushes::tests::prepared;
+    use super::super::setup::Prepared;
+    use super::*;
+
+    /// (m + J) ẍ = (1 + g) u is m ẍ = u where J = g m.
+    #[test]
+    fn a_gain_and_as_much_more_inertia_undo_one_another() {
+        const MASS: f64 = 2.0;
+        let (_dir, Prepared { study, null, .. }) = prepared(0.0);
+        let named = ["input_gain_error", "reflected_inertia"].map(|name| Candidate::named(name, 0));
+        let with = |gain: f64, inertia: f64| {
+            let [scale, rotor] = named;
+            let (hybrid, theta) = scale.place(&null.hybrid, &null.inside.theta, &[gain]);
+            let (hybrid, theta) = rotor.place(&hybrid, &theta, &[inertia]);
+            study.fit(hybrid, null.start(theta), 1, 0)
+        };
+        let mut undoing = with(0.2, 0.2 * MASS);
+        assert!(share_not_undone(&undoing, &named[0], &named) < 0.05 / DISTINCT);
+        let added = with(0.2, -0.2 * MASS);
+        assert!((share_not_undone(&added, &named[0], &named) - 1.0).abs() < 1e-12);
+        assert!((share_not_undone(&undoing, &named[0], &named[..1]) - 1.0).abs() < 1e-12);
+        let mut left = named.to_vec();
+        drop_undone(&study, &null, &mut undoing, &mut left, &|_| ());
+        assert!(left.is_empty());
+        assert_eq!(undoing.hybrid.effects().len(), null.hybrid.effects().len());
+    }
+}

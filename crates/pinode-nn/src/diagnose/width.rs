@@ -6,7 +6,7 @@
 use std::f64::consts::SQRT_2;
 
 use super::candidate::Candidate;
-use super::comparison::Comparison;
+use super::comparison::{Comparison, RELIEF};
 use super::nuisance::owe;
 use super::step::LOUD;
 use super::study::{Fitted, Study};
@@ -23,9 +23,10 @@ const FAR: [f64; 3] = [4.0, 16.0, 64.0];
 const SHARE: usize = 4;
 const TRIED: usize = 4;
 const WORTH_A_TRIAL: f64 = 3.0;
-const NEARER: [(f64, usize); 4] = [(2.0, 5), (SQRT_2, 1), (1.19, 1), (1.09, 3)];
-/// The last of them is closer than that.
-const CLOSEST: f64 = 1.1;
+const NEARER: [(f64, usize); 4] = [(2.0, 5), (SQRT_2, 1), (1.19, 1), (1.09, 1)];
+/// Then the top of that parabola is taken, by ranges as close as these, no farther than so many times that.
+const TOPS: [f64; 3] = [1.06, 1.02, 1.007];
+const FARTHEST: f64 = 2.0;
 /// Over ranges as close as that the likelihood is a parabola of their logarithm, whose top says whether closer ones would gain enough.
 const PARABOLIC: f64 = 1.5;
 /// A range that gains so many nats on the seen windows, and any on those held out, is the one: it is no effect that asks for a name.
@@ -60,48 +61,58 @@ pub fn respread(study: &Study, fitted: &Fitted, added: &[Candidate]) -> Option<F
         let best = gains.max_by(|a, b| a.0.total_cmp(&b.0))?;
         (best.0 > WORTH_A_TRIAL).then_some((best.1, best.2))
     };
-    let near = NEAR.map(|factor| (spread(study, fitted, factor, ITERATIONS), factor));
-    let near = best(&mut near.into_iter(), fitted).map(|(near, _)| near);
-    // Little changes before the range reaches speeds that the motion has often. Some of the windows tell whether it does.
-    let far = || {
-        let (some, there) = study.some_windows(fitted, SHARE);
-        let far = FAR.map(|factor| (spread(&some, &there, factor, TRIED), factor));
-        let (_, factor) = best(&mut far.into_iter(), &there)?;
-        Some(spread(study, fitted, factor, ITERATIONS))
-    };
-    let mut wide = match near {
-        Some(near) if near.most_excess(study) < LOUD => near,
-        Some(near) => far().filter(|far| gain(far, &near) > 0.0).unwrap_or(near),
-        None => far()?,
-    };
-    let mut between = (f64::INFINITY, [0.0; 2]);
-    'nearer: for (step, most) in NEARER {
-        for _ in 0..most {
-            let mut gains = [0.0; 2];
-            let mut nearer = [step, 1.0 / step].into_iter().zip(&mut gains);
-            let better = nearer.find_map(|(factor, gained)| {
-                let other = spread(study, &wide, factor, ITERATIONS);
-                *gained = gain(&other, &wide);
-                (*gained > 0.0).then_some(other)
-            });
-            match better {
-                Some(better) => wide = better,
-                None if step < PARABOLIC && top(gains) < WORTH_A_TRIAL => break 'nearer,
-                None => {
-                    between = (step, gains);
-                    break;
+    let closest = |mut wide: Fitted| {
+        let mut is_close = false;
+        'nearer: for (step, most) in NEARER {
+            for _ in 0..most {
+                let mut gains = [0.0; 2];
+                let mut nearer = [step, 1.0 / step].into_iter().zip(&mut gains);
+                let better = nearer.find_map(|(factor, gained)| {
+                    let other = spread(study, &wide, factor, ITERATIONS);
+                    *gained = gain(&other, &wide);
+                    (*gained > 0.0).then_some(other)
+                });
+                match better {
+                    Some(better) => wide = better,
+                    None if step < PARABOLIC && top(gains) < WORTH_A_TRIAL => break 'nearer,
+                    None => break,
+                }
+            }
+            is_close = step < PARABOLIC;
+        }
+        // From there it is where a parabola has its top: constants in proportion would make up for a part of one in a hundred. Beside constants that are stretched it is the top of
+        // another model.
+        is_close &= wide.inside.stretch < RELIEF;
+        for step in TOPS.into_iter().filter(|_| is_close) {
+            let beside = [step, 1.0 / step].map(|factor| spread(study, &wide, factor, ITERATIONS));
+            let gains = [&beside[0], &beside[1]].map(|other| gain(other, &wide));
+            if top(gains) > WORTH_A_TRIAL {
+                let at = top_at(gains).clamp(-FARTHEST, FARTHEST);
+                let there = spread(study, &wide, step.powf(at), ITERATIONS);
+                let all = beside.into_iter().chain([there]).map(|fit| (fit, step));
+                if let Some((better, _)) = best(&mut { all }, &wide) {
+                    wide = better;
                 }
             }
         }
-    }
-    // Between the closest ones it is where their parabola has its top: constants in proportion, as a sensor's scale, would make up for a part of one in a hundred.
-    let (step, gains) = between;
-    if step < CLOSEST && top(gains) > WORTH_A_TRIAL {
-        let there = spread(study, &wide, step.powf(top_at(gains)), ITERATIONS);
-        if gain(&there, &wide) > 0.0 {
-            wide = there;
+        wide
+    };
+    let near = NEAR.map(|factor| (spread(study, fitted, factor, ITERATIONS), factor));
+    let near = best(&mut near.into_iter(), fitted).map(|(near, _)| closest(near));
+    let wide = match near {
+        Some(near) if near.most_excess(study) < LOUD => near,
+        near => {
+            // Little changes before the range reaches speeds that the motion has often. Some of the windows tell whether it does.
+            let (some, there) = study.some_windows(fitted, SHARE);
+            let far = FAR.map(|factor| (spread(&some, &there, factor, TRIED), factor));
+            let far = best(&mut far.into_iter(), &there);
+            let far = far.map(|(_, factor)| closest(spread(study, fitted, factor, ITERATIONS)));
+            match (far, near) {
+                (Some(far), Some(near)) if gain(&far, &near) > 0.0 => far,
+                (far, near) => near.or(far)?,
+            }
         }
-    }
+    };
     let lead = Comparison::of(&wide, fitted);
     let is_it = lead.inside.gain > IS_IT && lead.outside.gain > 0.0;
     (is_it && is_narrow(&wide, fitted, is_its)).then_some(wide)

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::Screen;
 use super::probed::{Change, Column, Probed};
 use crate::diagnose::candidate::Candidate;
+use crate::diagnose::duals::is_told_as_gain;
 use crate::diagnose::linear::{AtWindow, Linearisation};
 use crate::diagnose::study::{Fitted, Study};
 use crate::diagnose::twins::is_told_as_another;
@@ -25,6 +26,7 @@ pub fn columns(
     let columns = all
         .iter()
         .filter(|candidate| !is_told_as_another(candidate, &all, hybrid))
+        .filter(|candidate| !is_told_as_gain(candidate, hybrid))
         .filter(|candidate| counts(candidate.kind))
         .filter(|candidate| !candidate.winds_up(hybrid, &study.scales))
         .flat_map(|&candidate| {
