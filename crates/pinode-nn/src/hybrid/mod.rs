@@ -235,7 +235,7 @@ impl Hybrid {
     }
 
     /// Whether an effect that changes the mechanics may be looked for on `target` (of an input, its coordinate): a rotor on every joint,
-    /// for gears, flywheels and encoders have inertia as motors have; a mass once in each body that has some, a tilt where joints [tell](tilts) its direction.
+    /// for gears, flywheels and encoders have inertia as motors have; a mass once in each body that has some, a tilt where a joint on the base, or the first one of a horizontal direction, tells that.
     pub fn may_change(&self, change: Inertial, target: usize) -> bool {
         let tree = self.variants.as_ref().map(|v| v.tree());
         let theta = self.theta();
