@@ -9,7 +9,7 @@ use super::comparison::Comparison;
 use super::found::{Found, position, stripped};
 use super::refine::{ITERATIONS, is_sensible};
 use super::study::{Fitted, Study};
-use crate::effect::{ActsOn, Family, Inertial, Kind, Quantity, registry};
+use crate::effect::{ActsOn, Inertial, Kind, Quantity, registry};
 use crate::hybrid::{ConstantId, Hybrid, Placed};
 
 /// Another name for what was found that explains no less than these nats less does as well: twenty to one.
@@ -62,48 +62,45 @@ fn duals(kind: &str, p: f64, mass: f64) -> Vec<Dual> {
     }
 }
 
-/// Whether a candidate is a sensor's scale that is told as a gain: nothing knows the position, and what tells the two apart is over which speeds friction changes its sign.
-pub fn is_told_as_gain(candidate: &Candidate, hybrid: &Hybrid) -> bool {
-    candidate.kind.name == SCALES[1] && is_one_equation(hybrid)
+/// Whether a kind is one scale of all forces of a coordinate: a gain, an inertia or a scale of a sensor.
+pub fn is_scale(kind: &Kind) -> bool {
+    let is_inertia = |change| !matches!(change, Inertial::Tilt | Inertial::Motor);
+    SCALES.contains(&kind.name) || kind.inertial().is_some_and(is_inertia)
 }
 
-/// Whether a gain, an inertia and a sensor's scale are one equation.
-fn is_one_equation(hybrid: &Hybrid) -> bool {
+/// Whether a candidate is a sensor's scale that is told as a gain, one of `all`: where they are one equation, what tells the two apart is over which speeds friction changes its sign.
+pub fn is_told_as_gain(candidate: &Candidate, all: &[Candidate], hybrid: &Hybrid) -> bool {
+    let [gain, scale] = SCALES;
+    let is_asked = || all.iter().any(|other| other.kind.name == gain);
+    // A damper that is known is of the first degree in the motion, as an inertia is.
+    candidate.kind.name == scale && is_asked() && is_one_equation(hybrid, &["viscous_friction"])
+}
+
+/// Whether candidates are one scale of all forces twice, where these are one equation. What tells them apart is then something else that is not as it should be.
+pub fn says_twice(added: &[Candidate], hybrid: &Hybrid) -> bool {
+    added.iter().filter(|c| is_scale(c.kind)).count() > 1 && is_one_equation(hybrid, &[])
+}
+
+/// Whether one input moves one coordinate of a constant inertia without weight, and no force on it is known beside those of the kinds `but`.
+fn is_one_equation(hybrid: &Hybrid, but: &[&str]) -> bool {
+    let is_known =
+        |e: &Placed| e.fixed && e.kind.acts_on() == ActsOn::Joint && !but.contains(&e.kind.name);
     let has_one = hybrid.nv() == 1 && hybrid.inputs() == 1 && !hybrid.is_on_link(0);
-    has_one && !knows_position(hybrid)
+    has_one && !hybrid.effects().iter().any(is_known) && is_free(hybrid)
 }
 
-/// Whether a model names one scale of all forces twice: two of a gain, an inertia and a sensor's scale where these are one equation, for nothing knows the position. What tells them apart is then
-/// something else that is not as it should be.
-pub fn says_twice(hybrid: &Hybrid) -> bool {
-    let scales = |e: &&Placed| !e.fixed && (SCALES.contains(&e.kind.name) || is_inertia(e.kind));
-    hybrid.effects().iter().filter(scales).count() > 1 && is_one_equation(hybrid)
-}
-
-/// Whether a kind makes a mechanism of one coordinate heavier or lighter.
-fn is_inertia(kind: &Kind) -> bool {
-    kind.inertial()
-        .is_some_and(|change| change != Inertial::Tilt)
-}
-
-/// Whether the mechanics, or what is known exactly of the forces, change along the one coordinate.
-fn knows_position(hybrid: &Hybrid) -> bool {
+/// Whether the inertia of the one coordinate is the same everywhere, and nothing of the mechanics pulls at it.
+fn is_free(hybrid: &Hybrid) -> bool {
     let mechanics = hybrid.mechanics();
     let at = |x: f64| {
-        Some((
-            mechanics.mass_matrix(&[x]).ok()?,
-            mechanics.gravity_force(&[x]).ok()?,
-        ))
+        let (mass, weight) = (mechanics.mass_matrix(&[x]), mechanics.gravity_force(&[x]));
+        Some((mass.ok()?, weight.ok()?))
     };
-    let changes = match (at(0.3), at(-0.8)) {
-        (Some((mass, weight)), Some(there)) => {
-            let size = mass.norm() + weight.norm();
-            (mass - there.0).norm() + (weight - there.1).norm() > LEVEL * size
-        }
-        _ => true,
+    let (Some((mass, weight)), Some((mass_there, weight_there))) = (at(0.3), at(-0.8)) else {
+        return false;
     };
-    let pulls = |e: &Placed| e.fixed && e.kind.family == Family::Conservative;
-    changes || hybrid.effects().iter().any(pulls)
+    let off = (&mass - mass_there).norm() + weight.norm() + weight_there.norm();
+    off <= LEVEL * mass.norm()
 }
 
 /// The degree of a force in the motion.
@@ -177,30 +174,42 @@ mod tests {
     use crate::model::Model;
 
     #[test]
-    fn a_scale_is_said_twice_where_nothing_knows_the_position() {
-        let model = |potential: &str, more: &str| {
+    fn a_scale_is_said_twice_where_nothing_else_is_known_of_the_forces() {
+        let model = |potential: &str, fixed: &str| {
             let text = format!(
                 "name = \"slide\"\n[lagrangian]\ncoordinates = [\"x\"]\nkinetic = \"x_dot^2\"\npotential = \"{potential}\"\n\
-                 [[input]]\nname = \"push\"\njoint = \"x\"\n{more}"
+                 [[input]]\nname = \"push\"\njoint = \"x\"\n{fixed}"
             );
             Model::parse(Path::new("slide.toml"), text).map(|model| Hybrid::of(&model))
         };
-        let gain = "[[effect]]\nkind = \"input_gain_error\"\ninput = \"push\"\ngain = 0.1\n";
-        let scale = "[[effect]]\nkind = \"sensor_scale\"\njoint = \"x\"\nscale = 0.1\n";
-        let spring = "[[effect]]\nkind = \"linear_spring\"\njoint = \"x\"\nstiffness = 3.0\nrest = 0.0\nfixed = true\n";
-        for (potential, effects, twice) in [
-            ("0", &[gain, scale][..], true),
-            ("0", &[gain], false),
-            ("0", &[gain, scale, spring], false),
-            ("2*x^2", &[gain, scale], false),
+        let named = |name| Candidate::named(name, 0);
+        let [gain, scale, inertia] =
+            ["input_gain_error", "sensor_scale", "reflected_inertia"].map(named);
+        let fixed = |kind: &str, value: &str| {
+            format!("[[effect]]\nkind = \"{kind}\"\njoint = \"x\"\n{value}\nfixed = true\n")
+        };
+        let damper = fixed("viscous_friction", "coefficient = 3.0");
+        let spring = fixed("linear_spring", "stiffness = 3.0\nrest = 0.1");
+        let rotor = "[[effect]]\nkind = \"reflected_inertia\"\njoint = \"x\"\ninertia = 0.1\n";
+        for (potential, more, twice, as_gain) in [
+            ("0", "", true, true),
+            // What the model has is nothing that is named.
+            ("0", rotor, true, true),
+            ("0", &damper, false, true),
+            ("0", &spring, false, false),
+            ("2*x^2", "", false, false),
+            ("9.81*x", "", false, false),
         ] {
-            let hybrid = model(potential, &effects.concat());
-            assert_eq!(
-                hybrid.map(|h| says_twice(&h)).ok(),
-                Some(twice),
-                "{potential} {effects:?}"
-            );
+            let hybrid = model(potential, more).ok();
+            let said = hybrid.as_ref().map(|h| says_twice(&[gain, inertia], h));
+            assert_eq!(said, Some(twice), "{potential} {more}");
+            let told = |all: &[Candidate]| hybrid.as_ref().map(|h| is_told_as_gain(&scale, all, h));
+            assert_eq!(told(&[gain, scale]), Some(as_gain), "{potential} {more}");
+            assert_eq!(told(&[scale]), Some(false));
+            let one = hybrid.as_ref().map(|h| says_twice(&[gain], h));
+            assert_eq!(one, Some(false));
         }
+        assert!(!is_scale(named("gravity_tilt").kind) && !is_scale(named("backlash").kind));
     }
 
     /// M q̈ + c + b v + d v² = (1 + g) u by each of the three names: forces of degree n, and back.

@@ -7,7 +7,7 @@ use super::candidate::Candidate;
 use super::comparison::{Comparison, RELIEF, SURE};
 use super::confidence::wins;
 use super::contained::{instead, is_simpler};
-use super::duals::says_twice;
+use super::duals::{is_scale, says_twice};
 use super::found::position;
 use super::screen::Screened;
 use super::shown::fit_shown;
@@ -92,12 +92,9 @@ impl Contender {
 
     /// Whether something undoes what it does: constants that are known, stretched beyond belief beside a gain, an inertia or a scale of a sensor; or another of these.
     fn is_undone(&self) -> bool {
-        let scales = |c: &Candidate| {
-            c.kind.inertial().is_some()
-                || ["input_gain_error", "sensor_scale"].contains(&c.kind.name)
-        };
-        let is_stretched = self.comparison.relief < -RELIEF && self.added.iter().any(scales);
-        is_stretched || says_twice(&self.fitted.hybrid)
+        let is_stretched =
+            self.comparison.relief < -RELIEF && self.added.iter().any(|c| is_scale(c.kind));
+        is_stretched || says_twice(&self.added, &self.fitted.hybrid)
     }
 
     /// Whether it has a say where another would be accepted: what is there may be the one that falls short by a little.

@@ -60,7 +60,13 @@ fn part_left(fitted: &Fitted, a: &Candidate, b: &Candidate) -> Option<f64> {
     let fit = &fitted.inside;
     let strength = |candidate: &Candidate| {
         let i = fitted.hybrid.range(position(fitted, candidate)?).start;
-        let neutral = candidate.kind.parameters.first()?.neutral;
+        let [first, others @ ..] = candidate.kind.parameters else {
+            return None;
+        };
+        // Of what has two, or none that is nothing at 0, the first parameter is not how strong it is.
+        let is_strength = first.neutral == 0.0 || candidate.kind.name == "centre_of_mass";
+        let is_only = others.iter().all(|p| p.quantity != first.quantity);
+        let neutral = (is_strength && is_only).then_some(first.neutral)?;
         let k = fit.free.iter().position(|&free| free == i)?;
         Some((k, fit.theta[i] - neutral)).filter(|(_, size)| size.is_finite())
     };

@@ -74,7 +74,10 @@ pub fn respread(study: &Study, fitted: &Fitted, added: &[Candidate]) -> Option<F
                 });
                 match better {
                     Some(better) => wide = better,
-                    None if step < PARABOLIC && top(gains) < WORTH_A_TRIAL => break 'nearer,
+                    None if step < PARABOLIC && top(gains) < WORTH_A_TRIAL => {
+                        is_close = false;
+                        break 'nearer;
+                    }
                     None => break,
                 }
             }
@@ -86,13 +89,12 @@ pub fn respread(study: &Study, fitted: &Fitted, added: &[Candidate]) -> Option<F
         for step in TOPS.into_iter().filter(|_| is_close) {
             let beside = [step, 1.0 / step].map(|factor| spread(study, &wide, factor, ITERATIONS));
             let gains = [&beside[0], &beside[1]].map(|other| gain(other, &wide));
-            if top(gains) > WORTH_A_TRIAL {
-                let at = top_at(gains).clamp(-FARTHEST, FARTHEST);
-                let there = spread(study, &wide, step.powf(at), ITERATIONS);
-                let all = beside.into_iter().chain([there]).map(|fit| (fit, step));
-                if let Some((better, _)) = best(&mut { all }, &wide) {
-                    wide = better;
-                }
+            let at = top_at(gains).clamp(-FARTHEST, FARTHEST);
+            let there = (top(gains) > WORTH_A_TRIAL)
+                .then(|| spread(study, &wide, step.powf(at), ITERATIONS));
+            let all = beside.into_iter().chain(there).map(|fit| (fit, step));
+            if let Some((better, _)) = best(&mut { all }, &wide) {
+                wide = better;
             }
         }
         wide
@@ -144,13 +146,13 @@ pub fn owed(study: &Study, fitted: &Fitted) -> Vec<f64> {
     owed
 }
 
-/// What the top of a parabola gains over its middle one of three points equally far apart, of which the outer ones gain so much, which is less than nothing.
+/// What the top of a parabola gains over its middle one of three points equally far apart, of which the outer ones gain so much; less than nothing, or no number, where that has none.
 fn top(outer: [f64; 2]) -> f64 {
     let [slope, bend] = [outer[0] - outer[1], outer[0] + outer[1]];
     -slope.powi(2) / (8.0 * bend)
 }
 
-/// Where it is, from −1 to 1 of them.
+/// Where it is, in units of what they are apart: within 1 of the middle where neither of the outer ones gains.
 fn top_at(outer: [f64; 2]) -> f64 {
     let [slope, bend] = [outer[0] - outer[1], outer[0] + outer[1]];
     -slope / (2.0 * bend)

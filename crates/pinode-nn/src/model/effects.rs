@@ -332,7 +332,7 @@ fn taken_fault(
     let unit = spec.quantity.unit(coordinate.angular);
     (taken >= moved).then(|| {
         format!(
-            "{} takes {} = {taken} {unit} out of what {} moves, and that is {moved} {unit} at its neutral configuration: give less, or give the mechanism the motor's mass",
+            "{} takes {} = {taken} {unit} out of what {} moves, and that is {moved} {unit}, all else free to give way: give less, or give the mechanism the motor's mass",
             kind.name,
             spec.name,
             quoted(&coordinate.name),

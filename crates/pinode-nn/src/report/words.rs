@@ -116,18 +116,18 @@ fn more(diagnosis: &Diagnosis) -> String {
     if let Some(follows) = left.and_then(|left| left.follows.as_ref()) {
         return format!(" That is not all: what is left follows {follows}.");
     }
-    if let Some(left) = left.filter(|left| left.learnt.is_some()) {
-        return format!(
-            " That is not all: a network has learnt something on `{}` that no effect in the library explains.",
+    let learnt = left.filter(|left| left.learnt.is_some()).map(|left| {
+        format!(
+            "a network has learnt something on `{}` that no effect in the library explains",
             left.coordinate
-        );
-    }
-    match &diagnosis.change {
-        Some(change) => format!(
-            " That is not all: the {} changes over the log.",
-            change.name
-        ),
-        None => String::new(),
+        )
+    });
+    let change = diagnosis.change.as_ref();
+    let changes = change.map(|change| format!("the {} changes over the log", change.name));
+    let more: Vec<String> = learnt.into_iter().chain(changes).collect();
+    match more.is_empty() {
+        true => String::new(),
+        false => format!(" That is not all: {}.", more.join(", and ")),
     }
 }
 

@@ -55,7 +55,7 @@ impl Kept {
         self.steps.reactions.extend_from_slice(reaction);
     }
 
-    /// The state in the middle of a step from `before` to `after`, and the forces there.
+    /// The state in the middle of a step that ends at `after`, and the forces there.
     fn middle(
         &mut self,
         hybrid: &Hybrid,

@@ -153,15 +153,18 @@ impl Variation {
         mut add: impl FnMut(usize, f64),
     ) {
         let (nv, nx) = (self.nv, self.nx);
+        let mut act = |i: usize, j: usize, force: f64| {
+            self.act((inputs, i), j, force, |entry, part| {
+                add(i * nx + entry, part)
+            });
+        };
         let alone = match by {
             By::Law(effect) => with.joint_forces(effect, &self.middles, theta),
             _ => None,
         };
         if let Some((j, forces)) = alone {
             for (i, force) in forces.into_iter().enumerate() {
-                self.act((inputs, i), j, force, |entry, part| {
-                    add(i * nx + entry, part)
-                });
+                act(i, j, force);
             }
             return;
         }
@@ -173,9 +176,7 @@ impl Variation {
             for (i, (middle, (a, before))) in own.enumerate() {
                 let now = with.added_inverse_dynamics(with.parts(middle), a, theta, &mut memory);
                 for (j, (now, before)) in now.iter().zip(before).enumerate() {
-                    self.act((inputs, i), j, before - now, |entry, part| {
-                        add(i * nx + entry, part)
-                    });
+                    act(i, j, before - now);
                 }
             }
             return;
@@ -186,9 +187,7 @@ impl Variation {
             let state = with.parts(middle);
             let (force, rates) = with.forces(state, theta, inputs, step, memory);
             for (j, (now, before)) in force.iter().chain(rates).zip(before).enumerate() {
-                self.act((inputs, i), j, now - before, |entry, part| {
-                    add(i * nx + entry, part)
-                });
+                act(i, j, now - before);
             }
         }
     }
@@ -493,8 +492,15 @@ mod tests {
             ("linear_spring", 1, vec![1e-5, 0.3]),
             ("constant_force", 1, vec![1e-5]),
             ("input_gain_error", 0, vec![1e-5]),
+            ("reflected_inertia", 0, vec![1e-6]),
+            ("reflected_inertia", 1, vec![1e-8]),
+            ("gravity_tilt", 0, vec![1e-5]),
         ] {
             let kind = registry::find(kind).unwrap();
+            let by = match kind.inertial() {
+                Some(_) => By::Inertia,
+                None => By::Forces,
+            };
             let mut with = hybrid.clone();
             let placed = Placed {
                 kind,
@@ -509,7 +515,7 @@ mod tests {
                 with: &with,
                 theta: &theta,
                 inputs: &inputs,
-                by: By::Forces,
+                by,
             };
             let mut found = [Vec::new()];
             steps.under(&null.states, &[force], &mut with.memory(&[]), &mut found);

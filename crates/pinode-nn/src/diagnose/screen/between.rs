@@ -46,8 +46,8 @@ impl Screen {
             return Vec::new();
         };
         let others = probes.iter().map(|&k| &self.columns[k]);
-        let is_moved = |c: &Column| c.neutral[place] == c.perturbed[place];
-        if probes.len() < 3 || !others.clone().all(is_moved) {
+        let is_held = |c: &Column| c.neutral[place] == c.perturbed[place];
+        if probes.len() < 3 || !others.clone().all(is_held) {
             return Vec::new();
         }
         let nodes: Vec<f64> = others.map(|c| c.perturbed[place]).collect();
@@ -225,8 +225,10 @@ mod tests {
     }
 
     #[test]
-    fn beside_a_mass_that_is_there_one_probe_is_all() {
-        let known = screen(&[payload(2.0)], 1.3);
-        assert_eq!(known.columns.len(), 1);
+    fn probes_that_move_the_place_know_it_nowhere_else() {
+        assert_eq!(screen(&[payload(2.0)], 1.3).columns.len(), 1);
+        let mut moved = PROBES.map(payload);
+        moved[1].neutral[1] = 1.0;
+        assert_eq!(screen(&moved, 1.3).columns.len(), 3);
     }
 }

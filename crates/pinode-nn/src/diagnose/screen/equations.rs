@@ -26,7 +26,7 @@ pub fn columns(
     let columns = all
         .iter()
         .filter(|candidate| !is_told_as_another(candidate, &all, hybrid))
-        .filter(|candidate| !is_told_as_gain(candidate, hybrid))
+        .filter(|candidate| !is_told_as_gain(candidate, &all, hybrid))
         .filter(|candidate| counts(candidate.kind))
         .filter(|candidate| !candidate.winds_up(hybrid, &study.scales))
         .flat_map(|&candidate| {

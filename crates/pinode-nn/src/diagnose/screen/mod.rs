@@ -41,6 +41,14 @@ pub struct Screened {
     pub relieving: Option<Relieving>,
 }
 
+impl Screened {
+    /// What it promises in all, where bounds allow its steps, nats.
+    fn worth(&self) -> f64 {
+        let relief = self.relieving.as_ref().map_or(0.0, |_| self.relief);
+        self.gain + relief
+    }
+}
+
 /// A step by which a candidate takes over from stretched constants.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Relieving {
@@ -140,8 +148,7 @@ impl Screen {
                 best.push(screened);
                 continue;
             };
-            let (better, other) = match known.gain + known.relief < screened.gain + screened.relief
-            {
+            let (better, other) = match known.worth() < screened.worth() {
                 true => {
                     let other = std::mem::replace(known, screened);
                     (known, other)
