@@ -93,9 +93,11 @@ pub fn respread(study: &Study, fitted: &Fitted, added: &[Candidate]) -> Option<F
             let there = (top(gains) > WORTH_A_TRIAL)
                 .then(|| spread(study, &wide, step.powf(at), ITERATIONS));
             let all = beside.into_iter().chain(there).map(|fit| (fit, step));
-            if let Some((better, _)) = best(&mut { all }, &wide) {
-                wide = better;
-            }
+            // What is closer gains no more than the parabola says.
+            let Some((better, _)) = best(&mut { all }, &wide) else {
+                break;
+            };
+            wide = better;
         }
         wide
     };
