@@ -72,19 +72,13 @@ pub fn is_scale(kind: &Kind) -> bool {
 pub fn is_told_as_gain(candidate: &Candidate, all: &[Candidate], hybrid: &Hybrid) -> bool {
     let [gain, scale] = SCALES;
     let is_asked = || all.iter().any(|other| other.kind.name == gain);
-    // A damper that is known is of the first degree in the motion, as an inertia is.
-    candidate.kind.name == scale && is_asked() && is_one_equation(hybrid, &["viscous_friction"])
+    candidate.kind.name == scale && is_asked() && is_one_equation(hybrid)
 }
 
-/// Whether candidates are one scale of all forces twice, where these are one equation. What tells them apart is then something else that is not as it should be.
-pub fn says_twice(added: &[Candidate], hybrid: &Hybrid) -> bool {
-    added.iter().filter(|c| is_scale(c.kind)).count() > 1 && is_one_equation(hybrid, &[])
-}
-
-/// Whether one input moves one coordinate of a constant inertia without weight, and no force on it is known beside those of the kinds `but`.
-fn is_one_equation(hybrid: &Hybrid, but: &[&str]) -> bool {
-    let is_known =
-        |e: &Placed| e.fixed && e.kind.acts_on() == ActsOn::Joint && !but.contains(&e.kind.name);
+/// Whether one input moves one coordinate of a constant inertia without weight, and no force on it is known but of dampers, which are of the first degree in the motion, as an inertia is.
+fn is_one_equation(hybrid: &Hybrid) -> bool {
+    let is_damper = |e: &Placed| e.kind.name == "viscous_friction";
+    let is_known = |e: &Placed| e.fixed && e.kind.acts_on() == ActsOn::Joint && !is_damper(e);
     let has_one = hybrid.nv() == 1 && hybrid.inputs() == 1 && !hybrid.is_on_link(0);
     has_one && !hybrid.effects().iter().any(is_known) && is_free(hybrid)
 }
@@ -174,7 +168,7 @@ mod tests {
     use crate::model::Model;
 
     #[test]
-    fn a_scale_is_said_twice_where_nothing_else_is_known_of_the_forces() {
+    fn a_sensors_scale_is_told_as_a_gain_where_nothing_else_is_known_of_the_forces() {
         let model = |potential: &str, fixed: &str| {
             let text = format!(
                 "name = \"slide\"\n[lagrangian]\ncoordinates = [\"x\"]\nkinetic = \"x_dot^2\"\npotential = \"{potential}\"\n\
@@ -183,31 +177,30 @@ mod tests {
             Model::parse(Path::new("slide.toml"), text).map(|model| Hybrid::of(&model))
         };
         let named = |name| Candidate::named(name, 0);
-        let [gain, scale, inertia] =
-            ["input_gain_error", "sensor_scale", "reflected_inertia"].map(named);
+        let [gain, scale] = SCALES.map(named);
         let fixed = |kind: &str, value: &str| {
             format!("[[effect]]\nkind = \"{kind}\"\njoint = \"x\"\n{value}\nfixed = true\n")
         };
         let damper = fixed("viscous_friction", "coefficient = 3.0");
         let spring = fixed("linear_spring", "stiffness = 3.0\nrest = 0.1");
-        let rotor = "[[effect]]\nkind = \"reflected_inertia\"\njoint = \"x\"\ninertia = 0.1\n";
-        for (potential, more, twice, as_gain) in [
-            ("0", "", true, true),
-            // What the model has is nothing that is named.
-            ("0", rotor, true, true),
-            ("0", &damper, false, true),
-            ("0", &spring, false, false),
-            ("2*x^2", "", false, false),
-            ("9.81*x", "", false, false),
+        for (potential, more, as_gain) in [
+            ("0", "", true),
+            ("0", &*damper, true),
+            ("0", &spring, false),
+            ("2*x^2", "", false),
+            ("9.81*x", "", false),
         ] {
             let hybrid = model(potential, more).ok();
-            let said = hybrid.as_ref().map(|h| says_twice(&[gain, inertia], h));
-            assert_eq!(said, Some(twice), "{potential} {more}");
-            let told = |all: &[Candidate]| hybrid.as_ref().map(|h| is_told_as_gain(&scale, all, h));
-            assert_eq!(told(&[gain, scale]), Some(as_gain), "{potential} {more}");
-            assert_eq!(told(&[scale]), Some(false));
-            let one = hybrid.as_ref().map(|h| says_twice(&[gain], h));
-            assert_eq!(one, Some(false));
+            let told = |candidate: &Candidate, all: &[Candidate]| {
+                hybrid.as_ref().map(|h| is_told_as_gain(candidate, all, h))
+            };
+            assert_eq!(
+                told(&scale, &[gain, scale]),
+                Some(as_gain),
+                "{potential} {more}"
+            );
+            assert_eq!(told(&scale, &[scale]), Some(false), "nothing stands for it");
+            assert_eq!(told(&gain, &[gain, scale]), Some(false));
         }
         assert!(!is_scale(named("gravity_tilt").kind) && !is_scale(named("backlash").kind));
     }

@@ -7,7 +7,7 @@ use super::candidate::Candidate;
 use super::comparison::{Comparison, RELIEF, SURE};
 use super::confidence::wins;
 use super::contained::{instead, is_simpler};
-use super::duals::{is_scale, says_twice};
+use super::duals::is_scale;
 use super::found::position;
 use super::screen::Screened;
 use super::shown::fit_shown;
@@ -90,20 +90,17 @@ impl Contender {
         self.is_sensible && !self.is_undone() && (self.comparison.explains() || relieves || let_in)
     }
 
-    /// Whether something undoes what it does: constants that are known, stretched beyond belief beside a gain, an inertia or a scale of a sensor; or another of these.
+    /// Whether constants that are known undo what it does, stretched beyond belief beside a gain, an inertia or a scale of a sensor.
     fn is_undone(&self) -> bool {
-        let is_stretched =
-            self.comparison.relief < -RELIEF && self.added.iter().any(|c| is_scale(c.kind));
-        is_stretched || says_twice(&self.added, &self.fitted.hybrid)
+        self.comparison.relief < -RELIEF && self.added.iter().any(|c| is_scale(c.kind))
     }
 
     /// Whether it has a say where another would be accepted: what is there may be the one that falls short by a little.
     pub fn is_rival(&self) -> bool {
         let beside = self.standing == Standing::BesideSlight;
-        let nearly = self.is_sensible && (self.comparison.nearly_explains() || beside);
-        (nearly || self.is_acceptable())
-            && !self.is_undone()
-            && self.numerically_sound != Some(false)
+        let nearly = self.comparison.nearly_explains() || beside;
+        let nearly = self.is_sensible && !self.is_undone() && nearly;
+        (nearly || self.is_acceptable()) && self.numerically_sound != Some(false)
     }
 }
 

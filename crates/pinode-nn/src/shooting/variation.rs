@@ -340,6 +340,42 @@ mod tests {
         assert!(distance(&exact, &found) < 1e-12 * size);
     }
 
+    fn placed(kind: &str, target: usize) -> Placed {
+        Placed {
+            kind: registry::find(kind).unwrap(),
+            target,
+            smoothing: 0.05,
+            fixed: false,
+        }
+    }
+
+    /// The states of the roll-out of a model; what they are by another that differs from it by each of these, to first order; and those of the other's own roll-out.
+    fn changed(
+        (before, with): (&Hybrid, &Hybrid),
+        substeps: usize,
+        by: &[By],
+    ) -> (Vec<f64>, Vec<Vec<f64>>, Vec<f64>) {
+        let theta = before.theta();
+        let inputs = pushes(before, &theta, substeps);
+        let (null, steps) = step_by_step((before, &theta, &[]), &inputs);
+        let theta = with.theta();
+        let inputs = pushes(with, &theta, substeps);
+        let force = |by: &By| SmallForce {
+            with,
+            theta: &theta,
+            inputs: &inputs,
+            by: *by,
+        };
+        let forces: Vec<SmallForce> = by.iter().map(force).collect();
+        let mut found = vec![Vec::new(); forces.len()];
+        steps.under(&null.states, &forces, &mut with.memory(&[]), &mut found);
+        let mut exact = Trajectory::default();
+        Roller::new(with, &[])
+            .roll(&theta, &inputs, SPAN, &START, &mut exact)
+            .unwrap();
+        (null.states, found, exact.states)
+    }
+
     #[test]
     fn a_small_force_moves_the_roll_out_as_its_own_roll_out_says() {
         let hybrid = pendulum_on_a_cart();
@@ -349,44 +385,19 @@ mod tests {
             ("quadratic_drag", 1, vec![1e-7]),
             ("input_gain_error", 0, vec![1e-7]),
         ] {
-            let kind = registry::find(kind).unwrap();
             let mut with = hybrid.clone();
-            let smoothing = 0.05;
-            let placed = Placed {
-                kind,
-                target,
-                smoothing,
-                fixed: false,
+            let effect = placed(kind, target);
+            with.add(effect, &values);
+            let alone = match effect.kind.action {
+                Action::Joint(_) => By::Law(with.effects().len() - 1),
+                _ => By::Forces,
             };
-            with.add(placed, &values);
             falls_as_a_square(|substeps| {
-                let theta = hybrid.theta();
-                let inputs = pushes(&hybrid, &theta, substeps);
-                let (null, steps) = step_by_step((&hybrid, &theta, &[]), &inputs);
-                let theta = with.theta();
-                let inputs = pushes(&with, &theta, substeps);
-                let mut memory = with.memory(&[]);
-                let force = SmallForce {
-                    with: &with,
-                    theta: &theta,
-                    inputs: &inputs,
-                    by: By::Forces,
-                };
-                let mut both = [Vec::new(), Vec::new()];
-                let by = match kind.action {
-                    Action::Joint(_) => By::Law(with.effects().len() - 1),
-                    _ => By::Forces,
-                };
-                let forces = [force, SmallForce { by, ..force }];
-                steps.under(&null.states, &forces, &mut memory, &mut both);
-                let [found, alone] = both;
+                let (null, found, exact) =
+                    changed((&hybrid, &with), substeps, &[By::Forces, alone]);
                 // The difference of two forces has lost as many digits as it is smaller than they are.
-                assert!(distance(&found, &alone) < 1e-6 * distance(&found, &null.states));
-                let mut exact = Trajectory::default();
-                Roller::new(&with, &[])
-                    .roll(&theta, &inputs, SPAN, &START, &mut exact)
-                    .unwrap();
-                distance(&exact.states, &found) / distance(&exact.states, &null.states)
+                assert!(distance(&found[0], &found[1]) < 1e-6 * distance(&found[0], &null));
+                distance(&exact, &found[0]) / distance(&exact, &null)
             });
         }
     }
@@ -394,58 +405,32 @@ mod tests {
     #[test]
     fn a_small_inertia_moves_the_roll_out_as_its_own_roll_out_says() {
         let hybrid = pendulum_on_a_cart();
-        let link = |name| {
-            let links = hybrid.links().iter();
-            links.clone().position(|l| l.name == name).unwrap()
+        let mut links = hybrid.links().iter();
+        let pole = links.position(|link| link.name == "pole").unwrap();
+        // Beside an inertia that is there already, and more of that.
+        let rotor = |inertia: f64| {
+            let mut with = hybrid.clone();
+            with.add(placed("reflected_inertia", 0), &[inertia]);
+            with
         };
-        for (kind, target, values) in [
-            ("reflected_inertia", 0, vec![1e-7]),
-            ("reflected_inertia", 1, vec![1e-9]),
-            ("added_mass", link("pole"), vec![1e-7]),
-            ("payload", link("pole"), vec![1e-7, 1.7]),
-            ("centre_of_mass", link("pole"), vec![1.0 + 1e-7]),
-            ("link_inertia", link("pole"), vec![1e-9]),
-            ("gravity_tilt", 1, vec![1e-6]),
-        ] {
-            // Beside an inertia that is there already.
-            let mut before = hybrid.clone();
-            let placed = |kind, target| Placed {
-                kind: registry::find(kind).unwrap(),
-                target,
-                smoothing: 0.05,
-                fixed: false,
-            };
-            before.add(placed("reflected_inertia", 0), &[0.1]);
+        let before = rotor(0.1);
+        let beside = |(kind, target, values): (&str, usize, &[f64])| {
             let mut with = before.clone();
-            match (kind, target) {
-                ("reflected_inertia", 0) => {
-                    with = hybrid.clone();
-                    with.add(placed(kind, target), &[0.1 + values[0]]);
-                }
-                _ => {
-                    with.add(placed(kind, target), &values);
-                }
-            }
+            with.add(placed(kind, target), values);
+            with
+        };
+        let others = [
+            ("reflected_inertia", 1, &[1e-9][..]),
+            ("added_mass", pole, &[1e-7]),
+            ("payload", pole, &[1e-7, 1.7]),
+            ("centre_of_mass", pole, &[1.0 + 1e-7]),
+            ("link_inertia", pole, &[1e-9]),
+            ("gravity_tilt", 1, &[1e-6]),
+        ];
+        for with in others.map(beside).iter().chain([&rotor(0.1 + 1e-7)]) {
             falls_as_a_square(|substeps| {
-                let theta = before.theta();
-                let inputs = pushes(&before, &theta, substeps);
-                let (null, steps) = step_by_step((&before, &theta, &[]), &inputs);
-                let theta = with.theta();
-                let inputs = pushes(&with, &theta, substeps);
-                let force = SmallForce {
-                    with: &with,
-                    theta: &theta,
-                    inputs: &inputs,
-                    by: By::Inertia,
-                };
-                let mut found = [Vec::new()];
-                steps.under(&null.states, &[force], &mut with.memory(&[]), &mut found);
-                let mut exact = Trajectory::default();
-                Roller::new(&with, &[])
-                    .roll(&theta, &inputs, SPAN, &START, &mut exact)
-                    .unwrap();
-                let [found] = found;
-                distance(&exact.states, &found) / distance(&exact.states, &null.states)
+                let (null, found, exact) = changed((&before, with), substeps, &[By::Inertia]);
+                distance(&exact, &found[0]) / distance(&exact, &null)
             });
         }
     }
@@ -454,19 +439,15 @@ mod tests {
     #[test]
     fn a_small_force_moves_what_sticks_as_its_own_roll_out_says() {
         let mut hybrid = pendulum_on_a_cart();
-        let stuck = Placed {
-            kind: registry::find("coulomb_friction").unwrap(),
-            target: 1,
+        let sharp = |kind, target| Placed {
             smoothing: 1e-3,
-            fixed: false,
+            ..placed(kind, target)
         };
-        hybrid.add(stuck, &[0.05]);
-        let elastic = Placed {
-            kind: registry::find("elastic_transmission").unwrap(),
-            target: 0,
-            ..stuck
-        };
-        hybrid.add(elastic, &[75.0, 0.3, 0.035, 0.0, 0.0, 0.0]);
+        hybrid.add(sharp("coulomb_friction", 1), &[0.05]);
+        hybrid.add(
+            sharp("elastic_transmission", 0),
+            &[75.0, 0.3, 0.035, 0.0, 0.0, 0.0],
+        );
         let hybrid = hybrid.stepped_implicitly(true);
         let (theta, free) = (hybrid.theta(), hybrid.free());
         let start = [0.1, 3.0, -0.2, 0.4, 0.0, 0.0];
@@ -496,19 +477,13 @@ mod tests {
             ("reflected_inertia", 1, vec![1e-8]),
             ("gravity_tilt", 0, vec![1e-5]),
         ] {
-            let kind = registry::find(kind).unwrap();
-            let by = match kind.inertial() {
+            let effect = placed(kind, target);
+            let by = match effect.kind.inertial() {
                 Some(_) => By::Inertia,
                 None => By::Forces,
             };
             let mut with = hybrid.clone();
-            let placed = Placed {
-                kind,
-                target,
-                smoothing: 0.05,
-                fixed: false,
-            };
-            with.add(placed, &values);
+            with.add(effect, &values);
             let theta = with.theta();
             let inputs = pushes(&with, &theta, 8);
             let force = SmallForce {
@@ -525,7 +500,7 @@ mod tests {
                 .unwrap();
             let change = distance(&moved.states, &null.states);
             let error = distance(&moved.states, &found[0]) / change;
-            assert!(error < 0.05, "{}: {error:e} of {change:e}", kind.name);
+            assert!(error < 0.05, "{kind}: {error:e} of {change:e}");
         }
     }
 
@@ -538,13 +513,7 @@ mod tests {
         let (null, steps) = step_by_step((&hybrid, &theta, &[]), &inputs);
         for target in [0, 1] {
             let mut with = hybrid.clone();
-            let placed = Placed {
-                kind: registry::find("constant_force").unwrap(),
-                target,
-                smoothing: 0.05,
-                fixed: false,
-            };
-            with.add(placed, &[1e-3]);
+            with.add(placed("constant_force", target), &[1e-3]);
             let theta = with.theta();
             let force = SmallForce {
                 with: &with,

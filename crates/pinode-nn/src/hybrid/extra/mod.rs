@@ -373,13 +373,8 @@ impl Extra {
     ) {
         out.fill(0.0);
         self.add_bias((q, v), (theta, constants), memory, out);
-        let mut mass = std::mem::take(&mut memory.mass);
-        mass.fill(0.0);
-        self.add_mass(q, memory, &mut mass);
-        for (column, a) in mass.column_iter().zip(a) {
-            out.axpy(*a, &column, 1.0);
-        }
-        memory.mass = mass;
+        // M v̇ as M v is the momentum.
+        self.add_momentum((q, a), theta, memory, out.as_mut_slice());
     }
 
     /// M and its factor, into `memory`.
