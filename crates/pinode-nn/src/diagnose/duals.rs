@@ -9,13 +9,13 @@ use super::comparison::Comparison;
 use super::found::{Found, position, stripped};
 use super::refine::{ITERATIONS, is_sensible};
 use super::study::{Fitted, Study};
-use crate::effect::{ActsOn, Inertial, Kind, Quantity, registry};
+use crate::effect::{ActsOn, Quantity, registry};
 use crate::hybrid::{ConstantId, Hybrid, Placed};
 
 /// Another name for what was found that explains no less than these nats less does as well: twenty to one.
 const AS_WELL: f64 = 3.0;
 
-/// What scales all forces of one coordinate, beside its inertia.
+/// What scales all forces of one coordinate.
 const SCALES: [&str; 2] = ["input_gain_error", "sensor_scale"];
 /// What changes by less than this part along a coordinate does not.
 const LEVEL: f64 = 1e-9;
@@ -60,12 +60,6 @@ fn duals(kind: &str, p: f64, mass: f64) -> Vec<Dual> {
         "gravity_tilt" => [p, -p].map(|p| dual("sensor_offset", p, 1.0, 1.0)).to_vec(),
         _ => Vec::new(),
     }
-}
-
-/// Whether a kind is one scale of all forces of a coordinate: a gain, an inertia or a scale of a sensor.
-pub fn is_scale(kind: &Kind) -> bool {
-    let is_inertia = |change| !matches!(change, Inertial::Tilt | Inertial::Motor);
-    SCALES.contains(&kind.name) || kind.inertial().is_some_and(is_inertia)
 }
 
 /// Whether a candidate is a sensor's scale that is told as a gain, one of `all`: where they are one equation, what tells the two apart is over which speeds friction changes its sign.
@@ -202,7 +196,6 @@ mod tests {
             assert_eq!(told(&scale, &[scale]), Some(false), "nothing stands for it");
             assert_eq!(told(&gain, &[gain, scale]), Some(false));
         }
-        assert!(!is_scale(named("gravity_tilt").kind) && !is_scale(named("backlash").kind));
     }
 
     /// M q̈ + c + b v + d v² = (1 + g) u by each of the three names: forces of degree n, and back.

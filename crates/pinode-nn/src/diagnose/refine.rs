@@ -7,7 +7,6 @@ use super::candidate::Candidate;
 use super::comparison::{Comparison, RELIEF, SURE};
 use super::confidence::wins;
 use super::contained::{instead, is_simpler};
-use super::duals::is_scale;
 use super::found::position;
 use super::screen::Screened;
 use super::shown::fit_shown;
@@ -87,19 +86,13 @@ impl Contender {
     pub fn is_acceptable(&self) -> bool {
         let relieves = self.imitated && self.is_sure && self.comparison.relieves();
         let let_in = matches!(self.standing, Standing::TakesAll | Standing::Slight);
-        self.is_sensible && !self.is_undone() && (self.comparison.explains() || relieves || let_in)
-    }
-
-    /// Whether constants that are known undo what it does, stretched beyond belief beside a gain, an inertia or a scale of a sensor.
-    fn is_undone(&self) -> bool {
-        self.comparison.relief < -RELIEF && self.added.iter().any(|c| is_scale(c.kind))
+        self.is_sensible && (self.comparison.explains() || relieves || let_in)
     }
 
     /// Whether it has a say where another would be accepted: what is there may be the one that falls short by a little.
     pub fn is_rival(&self) -> bool {
         let beside = self.standing == Standing::BesideSlight;
-        let nearly = self.comparison.nearly_explains() || beside;
-        let nearly = self.is_sensible && !self.is_undone() && nearly;
+        let nearly = self.is_sensible && (self.comparison.nearly_explains() || beside);
         (nearly || self.is_acceptable()) && self.numerically_sound != Some(false)
     }
 }
