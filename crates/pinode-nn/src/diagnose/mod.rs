@@ -20,6 +20,7 @@ mod advise;
 mod at_rest;
 pub(crate) mod audit;
 mod blows;
+mod bracket;
 mod candidate;
 mod cleaned;
 mod clock;

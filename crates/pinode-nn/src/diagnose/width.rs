@@ -3,8 +3,9 @@
 //! The sign of friction, smooth_sign(v / w), is fitted with a width w that no fit moves. Where the data see it, a wrong one is made up for by other constants, and by
 //! other laws: w is searched for by what fits beside it explain, and what constants owe to it is a part of their errors.
 
-use std::f64::consts::SQRT_2;
+use std::f64::consts::LN_2;
 
+use super::bracket::Bracket;
 use super::candidate::Candidate;
 use super::comparison::{Comparison, RELIEF};
 use super::nuisance::owe;
@@ -17,18 +18,15 @@ use crate::hybrid::{Hybrid, Placed};
 const ITERATIONS: usize = 12;
 /// So many times as wide ranges of speeds are tried for the sign of dry friction: what is nearly as sharp as it is taken to be, over all windows, where one of
 /// them that sticks the other way would decide for a part of them; and what is far from that, over one in so many windows by so many iterations. Where one gains
-/// so many nats it is tried in all, and others by these factors from there, each so often while it gains.
+/// so many nats it is tried in all.
 const NEAR: [f64; 2] = [0.6, 1.5];
 const FAR: [f64; 3] = [4.0, 16.0, 64.0];
 const SHARE: usize = 4;
 const TRIED: usize = 4;
 const WORTH_A_TRIAL: f64 = 3.0;
-const NEARER: [(f64, usize); 4] = [(2.0, 5), (SQRT_2, 1), (1.19, 1), (1.09, 1)];
-/// Then the top of that parabola is taken, by ranges as close as these, no farther than so many times that.
-const TOPS: [f64; 3] = [1.06, 1.02, 1.007];
-const FARTHEST: f64 = 2.0;
-/// Over ranges as close as that the likelihood is a parabola of their logarithm, whose top says whether closer ones would gain enough.
-const PARABOLIC: f64 = 1.5;
+/// No ranges are tried whose logarithms are closer; beside constants that are stretched, where the best one is that of another model, none closer than the last.
+const CLOSEST: f64 = 0.007;
+const CLOSEST_STRETCHED: f64 = 0.09;
 /// A range that gains so many nats on the seen windows, and any on those held out, is the one: it is no effect that asks for a name.
 const IS_IT: f64 = 6.0;
 /// … and no wider than this share of a speed over which its law changes: what is wider is a part of the law.
@@ -56,61 +54,26 @@ pub fn respread(study: &Study, fitted: &Fitted, added: &[Candidate]) -> Option<F
         true => Comparison::of(wider, from).total(),
         false => f64::NEG_INFINITY,
     };
-    let best = |all: &mut dyn Iterator<Item = (Fitted, f64)>, from: &Fitted| {
-        let gains = all.map(|(wider, factor)| (gain(&wider, from), wider, factor));
-        let best = gains.max_by(|a, b| a.0.total_cmp(&b.0))?;
-        (best.0 > WORTH_A_TRIAL).then_some((best.1, best.2))
+    let fit = |from: &Fitted, apart: f64| spread(study, from, apart.exp(), ITERATIONS);
+    let closest = |fit: &Fitted| match fit.inside.stretch < RELIEF {
+        true => CLOSEST,
+        false => CLOSEST_STRETCHED,
     };
-    let closest = |mut wide: Fitted| {
-        let mut is_close = false;
-        'nearer: for (step, most) in NEARER {
-            for _ in 0..most {
-                let mut gains = [0.0; 2];
-                let mut nearer = [step, 1.0 / step].into_iter().zip(&mut gains);
-                let better = nearer.find_map(|(factor, gained)| {
-                    let other = spread(study, &wide, factor, ITERATIONS);
-                    *gained = gain(&other, &wide);
-                    (*gained > 0.0).then_some(other)
-                });
-                match better {
-                    Some(better) => wide = better,
-                    None if step < PARABOLIC && top(gains) < WORTH_A_TRIAL => {
-                        is_close = false;
-                        break 'nearer;
-                    }
-                    None => break,
-                }
-            }
-            is_close = step < PARABOLIC;
-        }
-        // From there it is where a parabola has its top: constants in proportion would make up for a part of one in a hundred. Beside constants that are stretched it is the top of
-        // another model.
-        is_close &= wide.inside.stretch < RELIEF;
-        for step in TOPS.into_iter().filter(|_| is_close) {
-            let beside = [step, 1.0 / step].map(|factor| spread(study, &wide, factor, ITERATIONS));
-            let gains = [&beside[0], &beside[1]].map(|other| gain(other, &wide));
-            let at = top_at(gains).clamp(-FARTHEST, FARTHEST);
-            let there = (top(gains) > WORTH_A_TRIAL)
-                .then(|| spread(study, &wide, step.powf(at), ITERATIONS));
-            let all = beside.into_iter().chain(there).map(|fit| (fit, step));
-            // What is closer gains no more than the parabola says.
-            let Some((better, _)) = best(&mut { all }, &wide) else {
-                break;
-            };
-            wide = better;
-        }
-        wide
+    let best = |middle: Fitted, apart: [f64; 2]| {
+        Bracket::around(middle, apart, fit).best(fit, gain, closest)
     };
-    let near = NEAR.map(|factor| (spread(study, fitted, factor, ITERATIONS), factor));
-    let near = best(&mut near.into_iter(), fitted).map(|(near, _)| closest(near));
+    let near = best(fitted.clone(), NEAR.map(f64::ln));
+    let near = Some(near).filter(|near| gain(near, fitted) > WORTH_A_TRIAL);
     let wide = match near {
         Some(near) if near.most_excess(study) < LOUD => near,
         near => {
             // Little changes before the range reaches speeds that the motion has often. Some of the windows tell whether it does.
             let (some, there) = study.some_windows(fitted, SHARE);
             let far = FAR.map(|factor| (spread(&some, &there, factor, TRIED), factor));
-            let far = best(&mut far.into_iter(), &there);
-            let far = far.map(|(_, factor)| closest(spread(study, fitted, factor, ITERATIONS)));
+            let far = far.map(|(far, factor)| (gain(&far, &there), factor));
+            let far = far.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
+            let far = far.filter(|(gained, _)| *gained > WORTH_A_TRIAL);
+            let far = far.map(|(_, factor)| best(fit(fitted, factor.ln()), [-LN_2, LN_2]));
             match (far, near) {
                 (Some(far), Some(near)) if gain(&far, &near) > 0.0 => far,
                 (far, near) => near.or(far)?,
@@ -146,18 +109,6 @@ pub fn owed(study: &Study, fitted: &Fitted) -> Vec<f64> {
         owe(&mut owed, (best, &other), lost);
     }
     owed
-}
-
-/// What the top of a parabola gains over its middle one of three points equally far apart, of which the outer ones gain so much; less than nothing, or no number, where that has none.
-fn top(outer: [f64; 2]) -> f64 {
-    let [slope, bend] = [outer[0] - outer[1], outer[0] + outer[1]];
-    -slope.powi(2) / (8.0 * bend)
-}
-
-/// Where it is, in units of what they are apart: within 1 of the middle where neither of the outer ones gains.
-fn top_at(outer: [f64; 2]) -> f64 {
-    let [slope, bend] = [outer[0] - outer[1], outer[0] + outer[1]];
-    -slope / (2.0 * bend)
 }
 
 /// The fit of a model with some of its dry friction spread over so many times the speeds, by steps that follow it at rest.
@@ -196,20 +147,4 @@ pub fn soft(hybrid: &Hybrid) -> impl Iterator<Item = &Placed> {
 /// Whether an effect is dry friction that is spread over more speeds than that is: by no numerical smoothing.
 pub fn is_soft(hybrid: &Hybrid, placed: &Placed) -> bool {
     is_dry(placed) && placed.smoothing > SOFT * hybrid.default_smoothing(placed.target)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// l(x) = 5 − 2 (x − ⅓)² at −1, 0 and 1.
-    #[test]
-    fn the_top_of_a_parabola_gains_what_three_of_its_points_say() {
-        let l = |x: f64| 5.0 - 2.0 * (x - 1.0 / 3.0).powi(2);
-        let outer = [l(1.0) - l(0.0), l(-1.0) - l(0.0)];
-        let (gained, at) = (top(outer), top_at(outer));
-        assert!((gained - (5.0 - l(0.0))).abs() < 1e-12, "{gained}");
-        assert!((at - 1.0 / 3.0).abs() < 1e-12, "{at}");
-        assert!(top([f64::NEG_INFINITY, -1.0]).is_nan());
-    }
 }

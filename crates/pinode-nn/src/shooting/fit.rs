@@ -194,6 +194,9 @@ const LEAST: f64 = 1e-9;
 const LEAST_AFTER: f64 = 1e-3;
 const HARDER: f64 = 30.0;
 const TRIALS: usize = 5;
+/// A step that lowers the loss by less than this, nats, gains nothing; short ones end the fit where so many in a row gain less than that part of it.
+const NOTHING: f64 = 0.3;
+const SHORT_ONES: (usize, f64) = (2, 0.3);
 /// A fit that has stopped goes on where windows that were stuck gained so many nats.
 pub(super) const WORTH_GOING_ON: f64 = 3.0;
 
@@ -248,6 +251,7 @@ impl Going {
     /// Steps of θ and all initial states.
     fn descend(&mut self, problem: &Problem, iterations: usize) -> Ended {
         let (mut converged, mut was_idle, mut looked) = (false, false, false);
+        let mut stalls = 0;
         let mut gains = [f64::INFINITY; 2];
         let mut damping = FIRST_DAMPING;
         for _ in 0..iterations {
@@ -256,10 +260,16 @@ impl Going {
             let decrease = before - self.loss;
             gains = [gains[1], decrease];
             let change = self.take_spread(problem);
-            let idle = decrease < 0.3 + 1e-4 * before;
+            let idle = decrease < NOTHING + 1e-4 * before;
+            let (most, part) = SHORT_ONES;
+            stalls = match held_back && decrease < part * NOTHING {
+                true => stalls + 1,
+                false => 0,
+            };
             // A median that goes to and fro between two residuals moves nothing: a second step that gains nothing ends the fit as well. A short one says
-            // nothing.
-            if idle && !held_back && (change < 3e-3 || was_idle) {
+            // nothing; several do, as where friction that sticks makes an edge of the loss.
+            let has_stopped = idle && !held_back && (change < 3e-3 || was_idle);
+            if has_stopped || stalls >= most {
                 let gained = match looked {
                     false => self.look(problem),
                     true => 0.0,
@@ -270,7 +280,7 @@ impl Going {
                     converged = true;
                     break;
                 }
-                was_idle = false;
+                (was_idle, stalls) = (false, 0);
                 continue;
             }
             was_idle = idle;
