@@ -59,6 +59,8 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     };
     let mut evaluation = evaluate(&model, &logs, &options)?;
     evaluation.warnings.extend(counts_otherwise(&model, &logs)?);
+    let learnt = model.has_learnt_from(logs.iter());
+    evaluation.warnings.extend(learnt);
     if evaluation.diverged > 0 {
         output.note(&format!(
             "warning: {} of {} windows diverged and are left out of the errors",

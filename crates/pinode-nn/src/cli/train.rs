@@ -23,7 +23,7 @@ use crate::model::Model;
 use crate::naming::{hint, quoted};
 use crate::network::Activation;
 use crate::train::{
-    Checkpoint, Epoch, MODEL, Options, Trained, Training, band_of, fit_physics, train,
+    Checkpoint, Epoch, Known, MODEL, Options, Trained, Training, band_of, fit_physics, train,
     weights_name, write_ensemble,
 };
 
@@ -31,6 +31,8 @@ use crate::train::{
 const CHECKPOINT: &str = "checkpoint.safetensors";
 /// One JSON document an epoch.
 const METRICS: &str = "metrics.jsonl";
+/// A constant that a fit has moved by more than this part of its tolerance is told.
+const TOLD: f64 = 0.1;
 /// Where no bar can be drawn, a line is written so often.
 const EVERY: Duration = Duration::from_secs(10);
 
@@ -64,7 +66,7 @@ pub(super) struct Arguments {
     #[arg(long)]
     paper: bool,
     /// What the network sees: q.JOINT, 'cos(q.JOINT)', 'sin(q.JOINT)', v.JOINT, u.INPUT, 'u.INPUT[-2]' (two samples ago)
-    /// [default: all angles, those that wrap as cosine and sine, all velocities and inputs]
+    /// [default: all angles, those that wrap as cosine and sine, displacements that an energy or a known spring depends on, all velocities and inputs]
     #[arg(long, value_name = "NAME", num_args = 1..)]
     sees: Vec<String>,
     /// Units of the hidden layers [default: 50,50,50]
@@ -88,7 +90,7 @@ pub(super) struct Arguments {
     /// Adam's first step [default: 2e-3, falling; with --paper 1e-3, constant]
     #[arg(long, value_name = "X")]
     rate: Option<f64>,
-    /// Adam stops when so many epochs bring nothing on what is held out [default: 60; with --paper 20]
+    /// Adam stops when so many epochs bring nothing on what is held out [default: a fifth of --epochs]
     #[arg(long, value_name = "N")]
     patience: Option<usize>,
     /// At most so many rounds of twenty steps of L-BFGS on all windows at once after that; they stop when one brings nothing on what is held out
@@ -170,6 +172,7 @@ struct Report<'a> {
     loss: Option<f64>,
     held_out: Option<f64>,
     held_out_without_network: Option<f64>,
+    constants: &'a [Known],
     network: &'a crate::learnt::Card,
     #[serde(skip)]
     laws: &'a [Law],
@@ -412,6 +415,9 @@ fn options(arguments: &Arguments, seed: u64, model: &Model) -> Result<Options, E
         true => Options::paper(joints),
         false => Options::new(joints),
     };
+    let epochs = arguments.epochs.unwrap_or(base.epochs);
+    // The rate falls along all epochs: before it has, nothing may be gained for long.
+    let patience = epochs.div_ceil(base.epochs / base.patience);
     Ok(Options {
         quantities,
         units: match arguments.units.is_empty() {
@@ -425,10 +431,10 @@ fn options(arguments: &Arguments, seed: u64, model: &Model) -> Result<Options, E
         },
         alone: base.alone || arguments.alone,
         horizon: arguments.horizon.unwrap_or(base.horizon),
-        epochs: arguments.epochs.unwrap_or(base.epochs),
+        epochs,
         batch: arguments.batch.unwrap_or(base.batch),
         rate: arguments.rate.unwrap_or(base.rate),
-        patience: arguments.patience.unwrap_or(base.patience),
+        patience: arguments.patience.unwrap_or(patience),
         polish: arguments.polish,
         single: match arguments.precision {
             Some(precision) => precision == Precision::F32,
@@ -589,6 +595,7 @@ fn report<'a>(
         loss: best(first).0,
         held_out: best(first).1,
         held_out_without_network: first.without_network,
+        constants: &first.constants,
         network: &first.card,
         laws: &first.laws,
         warnings: warnings(members),
@@ -646,6 +653,20 @@ fn text(report: &Report<'_>, band: &str) -> String {
     }
     for sentence in report.laws.iter().flat_map(Law::sentences) {
         out += &format!("{sentence}\n");
+    }
+    for Known {
+        name,
+        given,
+        fitted,
+        tolerance,
+    } in report.constants
+    {
+        if (fitted - given).abs() > TOLD * tolerance {
+            out += &format!(
+                "{name} went from {given:.4} to {fitted:.4}, by {:.2} times its tolerance\n",
+                (fitted - given).abs() / tolerance
+            );
+        }
     }
     out += band;
     out += &format!("written:\n  {}\n", report.model);

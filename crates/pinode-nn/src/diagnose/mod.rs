@@ -341,6 +341,7 @@ pub(crate) fn diagnose_into(
     let change = constancy::change(study, &search, &names);
     let recordings = recordings(logs.iter().chain(held_out));
     advice.extend(change.as_ref().map(|c| advise::changing(c, &recordings)));
+    advice.extend(model.has_learnt_from(logs.iter().chain(held_out)));
     let diagnosis = Diagnosis {
         verdict,
         disagreement,
@@ -388,7 +389,7 @@ fn recordings<'a>(logs: impl Iterator<Item = &'a Log>) -> Vec<String> {
 }
 
 /// A log that is given twice would be seen and unseen.
-fn refuse_twice(logs: &[Log], held_out: &[Log]) -> Result<(), Error> {
+pub(crate) fn refuse_twice(logs: &[Log], held_out: &[Log]) -> Result<(), Error> {
     let all: Vec<&Log> = logs.iter().chain(held_out).collect();
     for (k, second) in all.iter().enumerate() {
         if let Some(first) = all[..k].iter().find(|first| first.sha256 == second.sha256) {

@@ -19,6 +19,7 @@ use super::mechanism::Mechanism;
 use super::{Input, Model};
 use crate::Error;
 use crate::learnt::{Card, Described, LearntForce, Names, Stored, weights};
+use crate::log::Log;
 use crate::naming::quoted;
 
 /// The kind of these tables.
@@ -77,6 +78,33 @@ impl NetworkEntry {
 }
 
 impl Model {
+    /// Said of logs that a network of the model has learnt from, or that told it when to stop, by what its file of weights says: errors on them are not those on data that nothing
+    /// has seen.
+    pub(crate) fn has_learnt_from<'a>(
+        &self,
+        logs: impl Iterator<Item = &'a Log>,
+    ) -> Option<String> {
+        let has = |entry: &NetworkEntry, log: &Log| {
+            let sides = ["logs", "held_out"].map(|side| entry.card.training.get(side));
+            let lists = sides
+                .into_iter()
+                .flatten()
+                .filter_map(|side| side.as_array());
+            let mut sums = lists
+                .flatten()
+                .filter_map(|file| file.get("sha256")?.as_str());
+            sums.any(|sum| sum == log.sha256)
+        };
+        let learnt = logs.filter(|log| self.networks.iter().any(|entry| has(entry, log)));
+        let learnt: Vec<String> = learnt.map(|log| log.path.display().to_string()).collect();
+        (!learnt.is_empty()).then(|| {
+            format!(
+                "a network of the model has learnt from {}: what is called unseen here it may have seen, and its errors elsewhere are larger; give a log that it has not learnt from.",
+                learnt.join(", ")
+            )
+        })
+    }
+
     /// The models whose mean this one is: each with one member of every ensemble; itself alone where it has no ensemble. A network that is none is in all
     /// of them, and an ensemble with fewer members than another begins again.
     pub fn members(&self) -> Vec<Model> {

@@ -41,7 +41,8 @@ pub fn fit_physics(training: &Training<'_>, options: &Options) -> Result<Fitted,
         alone: false,
         ..options.clone()
     };
-    let recordings = Recordings::new(model, training.logs, training.held_out, &options)?;
+    let logs = [training.logs, training.held_out];
+    let recordings = Recordings::new(model, logs, &options, false)?;
     let shape = Shape::new(&[1, 1, 1], options.hidden, Activation::Tanh)
         .map_err(|e| Error::Training(e.to_string()))?;
     let silent = vec![0.0; shape.parameters()];

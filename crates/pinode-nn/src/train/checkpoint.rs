@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::data::{Recordings, Side};
 use super::session::{Epoch, Session};
 use crate::Error;
-use crate::disk::write_atomically;
+use crate::disk::{sha256, write_atomically};
 use crate::network::Real;
 
 /// Where the words of a checkpoint are in the metadata of its file.
@@ -19,9 +19,16 @@ const KEY: &str = "pinode-training";
 struct Words {
     /// Of the model, the logs and the options.
     fingerprint: String,
+    /// Of the numbers, SHA-256 of all tensors in the order of their names.
+    sum: String,
     steps: u64,
     usual: f64,
     history: Vec<Epoch>,
+}
+
+/// SHA-256 of bytes, part after part.
+fn sum<'a>(parts: impl Iterator<Item = &'a [u8]>) -> String {
+    sha256(&parts.collect::<Vec<_>>().concat())
 }
 
 impl<T: Real> Session<'_, T> {
@@ -32,8 +39,9 @@ impl<T: Real> Session<'_, T> {
     pub(super) fn save(&self, path: &Path, fingerprint: &str) -> Result<(), Error> {
         let io =
             |e: Box<dyn std::error::Error + Send + Sync>| Error::io(path, std::io::Error::other(e));
-        let words = Words {
+        let mut words = Words {
             fingerprint: fingerprint.to_owned(),
+            sum: String::new(),
             steps: self.adam.steps,
             usual: self.adam.usual,
             history: self.history.clone(),
@@ -68,6 +76,7 @@ impl<T: Real> Session<'_, T> {
             let view = TensorView::new(Dtype::F64, vec![bytes.len() / 8], bytes);
             views.push((*name, view.map_err(|e| io(e.into()))?));
         }
+        words.sum = sum(tensors.iter().map(|(_, bytes)| &bytes[..]));
         let text = serde_json::to_string(&words).map_err(|e| io(e.into()))?;
         let metadata = HashMap::from([(KEY.to_owned(), text)]);
         let bytes = safetensors::serialize(views, Some(metadata)).map_err(|e| io(e.into()))?;
@@ -97,6 +106,13 @@ impl<T: Real> Session<'_, T> {
             return Err(fault(
                 "is of another training: its model, its logs or its options are not these"
                     .to_owned(),
+            ));
+        }
+        let mut all = tensors.tensors();
+        all.sort_by(|a, b| a.0.cmp(&b.0));
+        if sum(all.iter().map(|(_, tensor)| tensor.data())) != words.sum {
+            return Err(fault(
+                "is damaged: its numbers are not those that were written".to_owned(),
             ));
         }
         let numbers = |name: &str, expected: usize| -> Result<Vec<f64>, Error> {

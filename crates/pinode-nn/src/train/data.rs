@@ -2,8 +2,6 @@
 
 use std::collections::BTreeSet;
 
-use lagrange::Coordinate;
-
 use super::adjoint::Member;
 use super::loss::{FAR, Loss, Target};
 use super::windows::{RunName, border, one_interval, run_names};
@@ -38,6 +36,8 @@ pub(crate) struct Recordings {
     pub theta: Vec<f64>,
     /// θ as the model has it: what the tolerances are about.
     pub(super) given: Vec<f64>,
+    /// Known constants that the last fit would have stretched beyond reason, and to what: they were held as they are given.
+    pub(super) held_back: Vec<(usize, f64)>,
     pub observations: Observations,
     pub loss: Loss,
     /// Integration steps a sample interval, and sample intervals a window.
@@ -96,12 +96,12 @@ fn refuse_read_motors(model: &Model) -> Result<(), Error> {
 }
 
 impl Recordings {
-    /// Those of `logs`; what is held out is `held_out`, or the last eighth of each recording where that is empty.
+    /// Those of `logs`; what is held out is `held_out`, or the last eighth of each recording where that is empty. Where constants are fitted, `within` reason or however far.
     pub fn new(
         model: &Model,
-        logs: &[Log],
-        held_out: &[Log],
+        [logs, held_out]: [&[Log]; 2],
         options: &Options,
+        within: bool,
     ) -> Result<Self, Error> {
         let coordinates = model.mechanics.coordinates();
         refuse_poses(coordinates, WORK)?;
@@ -146,6 +146,7 @@ impl Recordings {
             paths: Vec::new(),
             hybrid,
             given: theta.clone(),
+            held_back: Vec::new(),
             theta,
             smoothed,
             fit_runs,
@@ -190,7 +191,7 @@ impl Recordings {
         if options.physics {
             match options.start {
                 Start::Measured { .. } => recordings.fit_from_starts()?,
-                Start::Fitted => recordings.fit_from_free_states(),
+                Start::Fitted => recordings.fit_from_free_states(within),
             }
         }
         recordings.set_theta(recordings.theta.clone());
@@ -347,21 +348,6 @@ impl Side {
             trust: Vec::new(),
         }
     }
-}
-
-/// What a network sees unless it is told otherwise.
-pub(super) fn usual_quantities(coordinates: &[Coordinate], inputs: usize) -> Vec<Quantity> {
-    let mut quantities = Vec::new();
-    for (c, coordinate) in coordinates.iter().enumerate() {
-        if coordinate.wraps {
-            quantities.extend([Quantity::Cosine(c), Quantity::Sine(c)]);
-        } else if coordinate.angular {
-            quantities.push(Quantity::Position(c));
-        }
-    }
-    quantities.extend((0..coordinates.len()).map(Quantity::Velocity));
-    quantities.extend((0..inputs).map(|input| Quantity::Input { input, back: 0 }));
-    quantities
 }
 
 fn loss(hybrid: &Hybrid, observations: &Observations, options: &Options) -> Loss {

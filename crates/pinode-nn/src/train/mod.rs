@@ -40,6 +40,7 @@ mod states;
 mod tangents;
 #[cfg(test)]
 mod tests;
+mod usual;
 mod windows;
 
 use std::path::{Path, PathBuf};
@@ -48,18 +49,21 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use adjoint::Learner;
-use data::{Recordings, usual_quantities};
+use data::Recordings;
 use options::{check, check_size};
+use usual::usual_quantities;
 
 pub use baseline::{Fitted, fit_physics};
 pub use ensemble::{band_of, weights_name, write_ensemble};
 pub use options::{Options, Start};
+pub use physics::Known;
 pub use session::{Epoch, Session};
 
 use crate::Error;
+use crate::diagnose::refuse_twice;
 use crate::hybrid::{ConstantId, Hybrid};
 use crate::learnt::law::Law;
-use crate::learnt::{Card, LearntForce, Names};
+use crate::learnt::{Card, LearntForce, Names, Quantity};
 use crate::log::Log;
 use crate::model::{Model, Revision};
 use crate::network::{Activation, Mlp, Real, Shape};
@@ -106,6 +110,8 @@ pub struct Trained {
     pub best_epoch: usize,
     /// The constants of the model, as they were fitted beside it.
     pub revision: Revision,
+    /// Those of them that have a tolerance and were free.
+    pub constants: Vec<Known>,
     /// The typical loss of the windows held out when the network gives no force; none where it is alone on its joints.
     pub without_network: Option<f64>,
     /// The share of its force, Σ f² over what it was trained on, that free parameters of effects on its joints could still explain, where they were let
@@ -120,7 +126,7 @@ pub struct Trained {
 /// Trains a network; `each` hears of every epoch and ends the training by an error.
 ///
 /// # Errors
-/// [`Error::Training`] when the options fit no model, [`Error::Floating`], [`Error::NoWindow`] and [`Error::NoWindowHeldOut`] when the
+/// [`Error::Training`] when the options fit no model, [`Error::SameLog`] when a log is given twice, [`Error::Floating`], [`Error::NoWindow`] and [`Error::NoWindowHeldOut`] when the
 /// recordings are too short, [`Error::Unfittable`] when most roll-outs diverge, [`Error::Checkpoint`], and those of `each`.
 pub fn train(
     training: &Training<'_>,
@@ -140,6 +146,7 @@ fn train_in<T: Real>(
     checkpoint: Option<&Checkpoint>,
     each: &mut dyn FnMut(&Epoch) -> Result<(), Error>,
 ) -> Result<Trained, Error> {
+    refuse_twice(training.logs, training.held_out)?;
     let mut session = Session::<T>::new(training, options)?;
     let without_network = match options.alone {
         true => None,
@@ -174,14 +181,15 @@ impl<'a, T: Real> Session<'a, T> {
         check(training.model, options)?;
         let model = training.model;
         let quantities = match options.quantities.is_empty() {
-            true => usual_quantities(model.mechanics.coordinates(), model.inputs.len()),
+            true => usual_quantities(model, options),
             false => options.quantities.clone(),
         };
         let mut sizes = vec![quantities.len()];
         sizes.extend(&options.units);
         sizes.push(options.joints.len());
         check_size(&sizes)?;
-        let recordings = Recordings::new(model, training.logs, training.held_out, options)?;
+        let logs = [training.logs, training.held_out];
+        let recordings = Recordings::new(model, logs, options, true)?;
         let features = recordings.features(&quantities);
         let outputs = recordings.outputs(&options.joints);
         let shape = Shape::new(&sizes, options.hidden, Activation::Tanh)
@@ -239,7 +247,9 @@ fn trained<T: Real>(
     let force = session.force(&session.best)?;
     let seen = session.recordings.seen_states(force.features());
     let force = force.trained_on(&seen);
-    let inputs: Vec<&str> = model.inputs.iter().map(|i| i.name.as_str()).collect();
+    let names: Vec<String> = model.inputs.iter().map(|i| i.name.clone()).collect();
+    let inputs: Vec<&str> = names.iter().map(String::as_str).collect();
+    let constants = session.recordings.known(&session.best_theta, &names);
     let mut card = Card::of(
         &force,
         Names {
@@ -268,6 +278,7 @@ fn trained<T: Real>(
         "windows_held_out_diverged": best.map(|epoch| epoch.held_out_diverged),
         "loss_held_out_without_network": without_network,
         "explained_by_effects": overlap,
+        "constants": constants,
         "loss_in": match options.start {
             Start::Measured { .. } => "squares of SI units, from measured states",
             Start::Fitted => "squares of the sensors' noise, from fitted states; windows beyond ten of it count little more",
@@ -281,9 +292,14 @@ fn trained<T: Real>(
     }
     let mut warnings = session.recordings.left_out.clone();
     warnings.extend(worse_than_none(best, without_network));
+    warnings.extend(session.recordings.held_back_in_words(&names));
+    warnings.extend(session.recordings.rests_in_the_end());
+    warnings
+        .extend(best.and_then(|best| unlearnt(best, options, &unseen_positions(&force, model))));
     warnings.extend(overlap.and_then(shared));
     Ok(Trained {
         revision: revision(model, &session.recordings.hybrid, &session.best_theta),
+        constants,
         force,
         card,
         laws,
@@ -305,6 +321,55 @@ fn worse_than_none(best: Option<&Epoch>, without_network: Option<f64>) -> Option
              or with other options"
         )
     })
+}
+
+/// So many squares of the noise are left by what has not learnt all; 1 is what the noise makes.
+const LEFT: f64 = 2.0;
+/// The best epoch was among the last where it is in this part of them.
+const AMONG_THE_LAST: f64 = 0.95;
+
+/// Said of a network that leaves far more than noise on what is held out; `unseen` are positions that it does not see.
+fn unlearnt(best: &Epoch, options: &Options, unseen: &[String]) -> Option<String> {
+    if options.start != Start::Fitted || best.held_out < LEFT {
+        return None;
+    }
+    let mut cures = Vec::new();
+    if !unseen.is_empty() {
+        cures.push(format!(
+            "let it see more than it does by --sees, as {}",
+            unseen.join(", ")
+        ));
+    }
+    cures.push(
+        match best.epoch as f64 > AMONG_THE_LAST * options.epochs as f64 {
+            true => "give it more --epochs: it was still getting better",
+            false => "give it more data, --units or smooth ones (--activation tanh)",
+        }
+        .to_owned(),
+    );
+    Some(format!(
+        "what is held out is left with {:.1} squares of the noise a sample, where 1 is what noise makes: the network has not learnt all; {}",
+        best.held_out,
+        cures.join(", or ")
+    ))
+}
+
+/// The positions that a network does not see.
+fn unseen_positions(force: &LearntForce, model: &Model) -> Vec<String> {
+    let coordinates = model.mechanics.coordinates().iter().enumerate();
+    let seen = |c: usize| {
+        force
+            .features()
+            .iter()
+            .any(|feature| match feature.quantity {
+                Quantity::Position(k) | Quantity::Cosine(k) | Quantity::Sine(k) => k == c,
+                _ => false,
+            })
+    };
+    let unseen = coordinates.filter(|(c, _)| !seen(*c));
+    unseen
+        .map(|(_, coordinate)| format!("q.{}", coordinate.name))
+        .collect()
 }
 
 /// A larger share of a network's force that effects could explain is warned of.

@@ -14,7 +14,8 @@ const MOST_PARAMETERS: usize = 10_000_000;
 pub struct Options {
     /// The coordinates that it acts on.
     pub joints: Vec<usize>,
-    /// What it sees; empty: cosine and sine of every angle that wraps, every other angle, all velocities and all inputs.
+    /// What it sees; empty: cosine and sine of every angle that wraps, every other angle, displacements that an energy or a known spring depends on (a black box all), all
+    /// velocities and all inputs.
     pub quantities: Vec<Quantity>,
     /// Units of the hidden layers.
     pub units: Vec<usize>,
@@ -193,7 +194,11 @@ pub(super) fn check_numbers(options: &Options) -> Result<(), Error> {
         ("the longest step", options.longest_step),
         (
             "the length of a window",
-            options.horizon + f64::MIN_POSITIVE,
+            match options.start {
+                // One interval, however short.
+                Start::Measured { .. } => options.horizon + f64::MIN_POSITIVE,
+                Start::Fitted => options.horizon,
+            },
         ),
     ] {
         if !(value > 0.0 && value.is_finite()) {

@@ -1,12 +1,13 @@
 //! What constants of the model and parameters of its effects explain by themselves: fitted before a network, and without one.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
+use serde::Serialize;
 
 use super::data::{OVERLAP, Recordings};
 use crate::Error;
 use crate::hybrid::Hybrid;
 use crate::learnt::LearntForce;
-use crate::shooting::{FitOptions, Roller, Trajectory, Window, fit};
+use crate::shooting::{Fit, FitOptions, Roller, Trajectory, Window, fit};
 
 /// Windows with free starts have at least so many sample intervals: what a shorter one tells of θ is lost in its start.
 const SHORTEST: usize = 20;
@@ -15,24 +16,44 @@ pub(super) const STATE_STEPS: usize = 3;
 /// Steps of a fit of constants, and of one beside a network: the next one is near.
 const FIT_STEPS: usize = 20;
 const STEPS_BESIDE: usize = 3;
+/// Constants that a fit stretches beyond their tolerances by more nats than this, two standard deviations, make up for what is missing, and that is the network's to learn.
+const STRETCHED: f64 = 2.0;
+/// A constant that would move by so many tolerances is told.
+const FAR_OFF: f64 = 2.0;
 /// A fit from measured states ends when the loss falls by less than this share.
 const ENOUGH: f64 = 1e-9;
 
+/// A constant that the model knows, fitted beside a network.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Known {
+    /// What it is, for people.
+    pub name: String,
+    /// Its value in the model as given.
+    pub given: f64,
+    /// Its value beside the network.
+    pub fitted: f64,
+    /// What the model takes for possible, as a standard deviation about the given value.
+    pub tolerance: f64,
+}
+
 impl Recordings {
-    /// θ_free by least squares over windows whose initial states are free.
-    pub fn fit_from_free_states(&mut self) {
+    /// θ_free by least squares over windows whose initial states are free, `within` [reason](STRETCHED) or however far.
+    pub fn fit_from_free_states(&mut self, within: bool) {
         let length = self.horizon.max(SHORTEST);
         let [windows, _] = self.cut(length, length);
         let states = self.states(&windows);
-        self.fit_constants(
-            &self.hybrid.clone(),
-            &windows,
-            states,
-            [STATE_STEPS, FIT_STEPS],
-        );
+        let steps = [STATE_STEPS, FIT_STEPS];
+        let hybrid = self.hybrid.clone();
+        match within {
+            true => self.fit_within_reason(&hybrid, &windows, states, steps),
+            false => {
+                let fitted = self.fit_constants(&hybrid, &windows, states, steps, &hybrid.free());
+                self.set_theta(fitted.theta);
+            }
+        }
     }
 
-    /// The same beside `network`, from the starts as they are.
+    /// The same beside `network`, from the starts as they are and within reason.
     pub fn fit_beside(&mut self, network: LearntForce) {
         let mut hybrid = self.hybrid.clone();
         hybrid.add_network(network.into());
@@ -40,29 +61,90 @@ impl Recordings {
         let seen = &self.seen;
         let windows: Vec<Window> = every(seen.windows.len()).map(|k| seen.windows[k]).collect();
         let states = every(seen.windows.len()).map(|k| seen.starts[k].clone());
-        self.fit_constants(&hybrid, &windows, states.collect(), [1, STEPS_BESIDE]);
+        self.fit_within_reason(&hybrid, &windows, states.collect(), [1, STEPS_BESIDE]);
     }
 
-    /// `steps` of the states alone, and of all.
-    fn fit_constants(
+    /// Fits the constants and the parameters of effects; where that [stretches](STRETCHED) what is known, the parameters alone, beside constants as the model gives them.
+    fn fit_within_reason(
         &mut self,
         hybrid: &Hybrid,
         windows: &[Window],
         states: Vec<Vec<f64>>,
         steps: [usize; 2],
     ) {
-        let free = hybrid.free();
-        if free.is_empty() {
+        let fitted = self.fit_constants(hybrid, windows, states.clone(), steps, &hybrid.free());
+        if fitted.stretch <= STRETCHED {
+            self.held_back.clear();
+            self.set_theta(fitted.theta);
             return;
         }
+        let (known, unknown): (Vec<usize>, Vec<usize>) =
+            (hybrid.free().into_iter()).partition(|&i| self.is_known(i));
+        self.held_back = known.iter().map(|&i| (i, fitted.theta[i])).collect();
+        for i in known {
+            self.theta[i] = self.given[i];
+        }
+        let fitted = self.fit_constants(hybrid, windows, states, steps, &unknown);
+        self.set_theta(fitted.theta);
+    }
+
+    /// Whether the model says how well it knows an entry of θ.
+    fn is_known(&self, index: usize) -> bool {
+        self.hybrid.constants()[index].tolerance.is_finite()
+    }
+
+    /// What is known and was free, as it is in `theta`.
+    pub(super) fn known(&self, theta: &[f64], inputs: &[String]) -> Vec<Known> {
+        let known = self.hybrid.free().into_iter().filter(|&i| self.is_known(i));
+        let of = |i: usize| Known {
+            name: self.hybrid.describe(i, inputs),
+            given: self.given[i],
+            fitted: theta[i],
+            tolerance: self.hybrid.constants()[i].tolerance,
+        };
+        known.map(of).collect()
+    }
+
+    /// Said where known constants would have been stretched beyond reason beside the network: it has learnt what they would have done, whatever that is.
+    pub(super) fn held_back_in_words(&self, inputs: &[String]) -> Option<String> {
+        let far = self.held_back.iter().filter_map(|&(i, fitted)| {
+            let off = (fitted - self.given[i]) / self.hybrid.constants()[i].tolerance;
+            (off.abs() > FAR_OFF).then(|| {
+                let name = self.hybrid.describe(i, inputs);
+                format!(
+                    "{name} from {:.4} to {fitted:.4}, {:.1} times its tolerance",
+                    self.given[i],
+                    off.abs()
+                )
+            })
+        });
+        let far: Vec<String> = far.collect();
+        (!far.is_empty()).then(|| {
+            format!(
+                "a fit beside the network would move {}: constants are as the model has them, and what they are off by is in the network's force; measure them, or say in \
+                 `[tolerance]` what is possible",
+                far.join(", and ")
+            )
+        })
+    }
+
+    /// A fit of the constants `free`: `steps` of the states alone, and of all.
+    fn fit_constants(
+        &self,
+        hybrid: &Hybrid,
+        windows: &[Window],
+        states: Vec<Vec<f64>>,
+        steps: [usize; 2],
+        free: &[usize],
+    ) -> Fit {
         // The tolerances are about what the model says.
         let mut hybrid = hybrid.clone();
         hybrid.set_theta(&self.given);
-        let fitted = fit(
+        fit(
             &hybrid,
             &self.observations,
             windows,
-            &free,
+            free,
             self.theta.clone(),
             states,
             self.noise(),
@@ -72,8 +154,7 @@ impl Recordings {
                 iterations: steps[1],
                 state_iterations: steps[0],
             },
-        );
-        self.set_theta(fitted.theta);
+        )
     }
 
     /// θ_free by the loss itself from the starts as they are: Gauss and Newton's method, damped, with the tolerances as priors in units of the

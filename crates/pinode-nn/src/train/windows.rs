@@ -11,6 +11,8 @@ use crate::shooting::Window;
 
 /// The last of so many parts of a recording is held out.
 const HELD_OUT: usize = 8;
+/// It hardly moves where the squares of its velocities are less than this part of all: it has an eighth of the time.
+const AT_REST: f64 = 0.02;
 /// No window spans an interval of more than so many usual ones.
 const LONG_GAP: f64 = 3.0;
 /// Recordings whose sample intervals are apart by more than this factor are not rolled out together.
@@ -84,6 +86,33 @@ impl Recordings {
             bytes / 1e9,
             MOST_BYTES / 1e9
         )))
+    }
+
+    /// Said where the last parts of the recordings, which are held out, hardly move: they do not tell when to stop.
+    pub(super) fn rests_in_the_end(&self) -> Option<String> {
+        if self.fit_runs < self.observations.runs.len() {
+            return None;
+        }
+        let (mut whole, mut last) = (0.0, 0.0);
+        for c in 0..self.hybrid.nv() {
+            let squares = |from: fn(usize) -> usize| -> f64 {
+                let runs = self.smoothed.iter().map(|run| &run.v[c]);
+                let moved = runs.flat_map(|v| v[from(v.len())..].iter());
+                moved.map(|v| v * v).sum()
+            };
+            let all = squares(|_| 0);
+            if all > 0.0 {
+                whole += 1.0;
+                last += squares(border) / all;
+            }
+        }
+        (last < AT_REST * whole).then(|| {
+            format!(
+                "the last eighth of each recording, which is held out, hardly moves ({:.1} % of the squares of velocities): it says little of when to stop, and of whether \
+                 the network helps; give a log that moves to --holdout",
+                100.0 * last / whole
+            )
+        })
     }
 
     /// Whether no window spans the interval after a sample.
