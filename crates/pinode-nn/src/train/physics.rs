@@ -286,3 +286,51 @@ impl Equations {
         Some(DVector::from_fn(n, |i, _| solved[i] / scale(i)))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use super::super::session_tests::{SLEDGE, log_of};
+    use super::super::{Options, Session, Training};
+    use super::*;
+    use crate::model::Model;
+
+    /// x = sin t of 2 kg on a spring of 1 N/m that nobody knows: 2 ẍ + x = u, u = −sin t, which is 2 ẍ = g u with a gain g of 2.
+    #[test]
+    fn what_is_missing_does_not_move_a_gain_that_is_known_but_where_there_is_no_network() {
+        let text = SLEDGE.replace("gain = 0.0", "gain = 0.02");
+        let model = Model::parse("sledge.toml".as_ref(), text).unwrap();
+        let logs = [log_of(
+            "log.csv",
+            0.02,
+            30.0,
+            &model,
+            (&f64::sin, &|t| -t.sin()),
+        )];
+        let options = Options::new(vec![0]);
+        let inputs = ["push".to_owned()];
+        let gain = |found: &Recordings| {
+            let [gain] = found.known(&found.theta, &inputs).try_into().unwrap();
+            (gain, found.held_back_in_words(&inputs))
+        };
+        let alone = Recordings::new(&model, [&logs, &[]], &options, false).unwrap();
+        let (baseline, said) = gain(&alone);
+        // So far the tolerance lets it go.
+        assert!(baseline.fitted > 1.5, "{baseline:?}");
+        assert_eq!(said, None);
+        let training = Training {
+            model: &model,
+            logs: &logs,
+            held_out: &[],
+        };
+        let session = Session::<f32>::new(&training, &options).unwrap();
+        let (beside, said) = gain(&session.recordings);
+        assert_eq!(beside.fitted, 1.0);
+        let said = said.unwrap_or_default();
+        assert!(
+            said.contains("gain of input `push` from 1.0000 to 1.7"),
+            "{said}"
+        );
+    }
+}

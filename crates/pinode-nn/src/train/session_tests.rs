@@ -4,13 +4,13 @@
 use std::path::Path;
 
 use super::session::{Epoch, Session};
-use super::{Options, Training, worse_than_none};
+use super::{Options, Training, train, unlearnt, worse_than_none};
 use crate::learnt::Quantity;
 use crate::log::{Channels, Log};
 use crate::model::Model;
 use crate::network::Real;
 
-const SLEDGE: &str = include_str!("../../tests/data/known_sledge.toml");
+pub(super) const SLEDGE: &str = include_str!("../../tests/data/known_sledge.toml");
 
 pub(super) fn sledge() -> Model {
     Model::parse("sledge.toml".as_ref(), SLEDGE.to_owned()).unwrap()
@@ -150,6 +150,94 @@ fn what_is_held_out_is_named_where_it_is_too_short() {
     assert!(words.contains("fits into the last eighth"), "{words}");
     // The eighth is 1 s long: none of the windows from the beginning on lies in it, and yet one fits.
     assert_eq!(refused(0.9), "");
+}
+
+#[test]
+fn what_is_held_out_says_little_where_it_rests() {
+    let model = sledge();
+    let said = |read: &dyn Fn(f64) -> f64| {
+        let logs = [log_of("log.csv", 0.02, 40.0, &model, (read, &|_| 0.0))];
+        let training = Training {
+            model: &model,
+            logs: &logs,
+            held_out: &[],
+        };
+        let options = options();
+        let session = Session::<f64>::new(&training, &options).unwrap();
+        session.recordings.rests_in_the_end()
+    };
+    assert_eq!(said(&|t| (3.0 * t).sin()), None);
+    let words = said(&|t| (-t / 5.0).exp() * (3.0 * t).sin()).unwrap_or_default();
+    assert!(
+        words.contains("hardly moves") && words.contains("--holdout"),
+        "{words}"
+    );
+}
+
+/// Held out once and learnt from as well it would say that a network knows what it has not seen.
+#[test]
+fn a_log_is_not_learnt_from_twice_and_its_errors_are_said_to_be_those_of_what_was_seen() {
+    let model = sledge();
+    let (own, other) = (
+        log("own.csv", 0.02, 20.0, &model),
+        log("other.csv", 0.02, 21.0, &model),
+    );
+    let (logs, same) = ([own.clone()], [own.clone()]);
+    let options = Options {
+        epochs: 1,
+        ..options()
+    };
+    let trained = |held_out: &[Log]| {
+        let training = Training {
+            model: &model,
+            logs: &logs,
+            held_out,
+        };
+        train(&training, &options, None, &mut |_| Ok(()))
+    };
+    let refused = trained(&same)
+        .err()
+        .map_or(String::new(), |e| e.to_string());
+    assert!(refused.contains("own.csv"), "{refused}");
+    let dir = tempfile::tempdir().unwrap();
+    let path = trained(&[]).unwrap().write(&model, dir.path()).unwrap();
+    let learnt = Model::load(&path).unwrap();
+    let said = learnt
+        .has_learnt_from([&own, &other].into_iter())
+        .unwrap_or_default();
+    assert!(
+        said.contains("own.csv") && !said.contains("other.csv"),
+        "{said}"
+    );
+    assert_eq!(learnt.has_learnt_from([&other].into_iter()), None);
+    assert_eq!(model.has_learnt_from([&own].into_iter()), None);
+}
+
+#[test]
+fn a_network_that_leaves_far_more_than_noise_is_told_what_could_help() {
+    let epoch = |epoch: usize, held_out: f64| Epoch {
+        epoch,
+        loss: held_out,
+        held_out,
+        diverged: 0,
+        held_out_diverged: 0,
+        rate: 1e-3,
+        polish: false,
+    };
+    let unseen = ["q.x".to_owned()];
+    let said =
+        |best: Epoch, options: &Options| unlearnt(&best, options, &unseen).unwrap_or_default();
+    let options = options();
+    let at_the_end = said(epoch(300, 20.4), &options);
+    assert!(
+        at_the_end.contains("20.4 squares of the noise") && at_the_end.contains("--epochs"),
+        "{at_the_end}"
+    );
+    assert!(at_the_end.contains("--sees, as q.x"), "{at_the_end}");
+    assert!(!said(epoch(100, 20.4), &options).contains("--epochs"));
+    assert_eq!(said(epoch(300, 1.3), &options), "");
+    // The paper's loss is no multiple of the noise.
+    assert_eq!(said(epoch(100, 20.4), &Options::paper(vec![0])), "");
 }
 
 #[test]
