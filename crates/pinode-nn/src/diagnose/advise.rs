@@ -126,7 +126,7 @@ pub fn advise(
             sizes.join("; "),
             match unexplained.and_then(|u| u.learnt.as_ref()) {
                 Some(_) => "a network that was taught it does better on unseen data: a law is missing that the library has not, see what it is like",
-                None => "no law of what was measured explains it: pushes from outside, or something that was not measured",
+                None => "no law of one or two of the signals that were measured explains it: pushes from outside, something that was not measured, or a law of more of them, which `pinode train` may learn",
             }
         ));
     }

@@ -78,6 +78,8 @@ pub struct Resort<'a> {
 pub struct Taught {
     /// The model with it, fitted; what it could have taken over is held.
     pub fitted: Fitted,
+    /// That, by index in θ, and how well it is known while nothing says what of the force is the network's: its error where both are free, and what it moves by.
+    pub owed: Vec<(usize, f64)>,
     /// The force.
     pub force: LearntForce,
     /// What its file says of it.
@@ -87,8 +89,8 @@ pub struct Taught {
 }
 
 /// The entries of θ whose work the network of a fit could do, among those that nothing is known of beforehand: where it could for one constant of an effect,
-/// all of them, and beside the error of a gain the gain.
-fn taken_over(fitted: &Fitted) -> Vec<usize> {
+/// all of them, and beside the error of a gain the gain. With each its standard error where nothing says how the two share the work.
+fn taken_over(fitted: &Fitted) -> Vec<(usize, f64)> {
     let Fitted { hybrid, inside, .. } = fitted;
     let constants = hybrid.constants();
     let of_network = |i: usize| matches!(constants[i].id, ConstantId::Network(..));
@@ -111,8 +113,11 @@ fn taken_over(fitted: &Fitted) -> Vec<usize> {
             }
         }
     }
-    held.retain(|i| inside.free.contains(i));
-    held
+    let error = |i: usize| {
+        let k = inside.free.iter().position(|&free| free == i)?;
+        Some((i, beside[k]))
+    };
+    held.into_iter().filter_map(error).collect()
 }
 
 /// On which coordinates the model is off, by what is left of each: not on those that stay within their noise while another leaves it.
@@ -205,6 +210,7 @@ impl<'a> Resort<'a> {
         };
         let mut fitted = some.fit(hybrid, there.start(theta), alone, all);
         // What does the same as a constant that is held may be next.
+        let mut owed = Vec::new();
         for _ in 0..ROUNDS {
             let taken = taken_over(&fitted);
             if taken.is_empty() {
@@ -212,7 +218,8 @@ impl<'a> Resort<'a> {
             }
             let mut hybrid = fitted.hybrid.clone();
             let mut theta = fitted.inside.theta.clone();
-            for i in taken {
+            for (i, error) in taken {
+                owed.push((i, error.hypot(theta[i] - given.inside.theta[i])));
                 theta[i] = given.inside.theta[i];
                 let constant = &mut hybrid.constants_mut()[i];
                 (constant.value, constant.tolerance) = (theta[i], 0.0);
@@ -261,6 +268,7 @@ impl<'a> Resort<'a> {
         }
         Ok(Taught {
             fitted,
+            owed,
             force,
             card,
             law,

@@ -173,6 +173,7 @@ impl Proof<'_> {
         files.commit()?;
         let network = Some(taught.entry(&name, resort.seed));
         search.taught = Some(taught.fitted);
+        search.owed = taught.owed;
         *proved = self.write((study, search), provenance, network)?;
         let learnt = Learnt {
             weights: name,

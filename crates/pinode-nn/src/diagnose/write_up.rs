@@ -114,9 +114,10 @@ pub fn say_smoothing(revision: &mut Revision, hybrid: &Hybrid) {
     }
 }
 
-/// Standard errors by index in θ: of the fit with a network, and where that held a constant, of the one without.
+/// Standard errors by index in θ: of the fit with a network, and where that held a constant, of the one without, or what it owes to the network.
 struct Errors<'a> {
     fits: [(&'a [usize], &'a [f64]); 2],
+    owed: &'a [(usize, f64)],
 }
 
 impl<'a> Errors<'a> {
@@ -124,6 +125,7 @@ impl<'a> Errors<'a> {
         let fits = [search.whole(), &search.model];
         Errors {
             fits: fits.map(|fit| (&fit.inside.free[..], fit.standard_errors(study))),
+            owed: &search.owed,
         }
     }
 
@@ -132,7 +134,9 @@ impl<'a> Errors<'a> {
             let k = free.iter().position(|&i| i == index)?;
             errors.get(k).copied()
         };
+        let owed = self.owed.iter().filter(|(i, _)| *i == index);
         let error = self.fits.iter().find_map(of_fit)?;
+        let error = owed.fold(error, |error, (_, owed)| error.max(*owed));
         Some(error).filter(|e| e.is_finite())
     }
 }
