@@ -1,7 +1,8 @@
-//! What no effect of the library explains is taught to a small network on that coordinate.
+//! What no effect of the library explains is taught to a small network on that coordinate, or on all that are off.
 //!
 //! M(q) v̇ + C(q, v) v + G(q) = Q + s Σ_k a_k tanh(w_kᵀ z + b_k) + s b: the network sees only the signals z that the missing law was seen to follow
-//! (where there is no hint of any, the joint's position and velocity and what drives it). Its parameters are entries of θ like those of every effect: they are
+//! (where there is no hint of any, the joint's position and velocity and what drives it). Where others are off beside one on the worst coordinate, or it explains nothing, one network with
+//! a force on each of them is asked for. Its parameters are entries of θ like those of every effect: they are
 //! fitted with all others over the same windows, each with a prior; but a network that sees what a found effect follows would take over its work, and the
 //! effect would be told with what is left of it: a constant of an effect that would be known much better if the network were known stays what it was without.
 //! The network is added where it explains the windows better, pair by pair, both those that the fit saw and those held out, and shrinks the gap of free
@@ -12,6 +13,7 @@ use std::sync::Arc;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::advise::spoken;
 use super::audit::Masked;
 use super::comparison::Comparison;
 use super::curves::ResidualForce;
@@ -21,7 +23,7 @@ use super::setup::Prepared;
 use super::shapes::Follows;
 use super::study::{Fitted, Study};
 use super::unexplained::describe;
-use super::verdict::{Gap, Learnt, Provenance, Unexplained};
+use super::verdict::{Gap, Learnt, Name, Provenance, Unexplained};
 use crate::digits::number;
 use crate::entries::starts;
 use crate::hybrid::{ConstantId, Hybrid};
@@ -51,6 +53,9 @@ const ROUNDS: usize = 3;
 /// What an input was so many samples ago.
 const AGO: [usize; 5] = [1, 2, 3, 5, 8];
 
+/// It is off beside a network where free runs or windows leave so many times what they should.
+const STILL_OFF: f64 = 4.0;
+
 /// A coordinate of which the fits and the free runs leave less than this part of what they leave of the worst, in units of their noises, is not what is off.
 const WITHIN: f64 = 0.25;
 
@@ -62,35 +67,43 @@ pub struct Resort<'a> {
     pub study: &'a Study,
     /// Typical time between two samples of the logs, s.
     pub interval: f64,
-    /// The coordinate that it acts on.
+    /// The coordinate that is off.
+    pub own: Off,
+    /// The others that a force is left on.
+    pub others: Vec<Off>,
+    /// Of the first parameters.
+    pub seed: u64,
+}
+
+/// A coordinate on which a force is left.
+pub struct Off {
+    /// The coordinate.
     pub coordinate: usize,
-    /// Root mean square of the force that is left there, N or N·m.
+    /// Root mean square of the force, N or N·m.
     pub rms: f64,
     /// What it follows, where windows that were set aside hint at it.
     pub follows: Option<Follows>,
-    /// The signals that the force that is left follows most.
+    /// The signals that it follows most.
     pub signals: Vec<Quantity>,
-    /// Of the first parameters.
-    pub seed: u64,
 }
 
 /// A network that explains what is left.
 pub struct Taught {
     /// The model with it, fitted; what it could have taken over is held.
     pub fitted: Fitted,
-    /// That, by index in θ, and how well it is known while nothing says what of the force is the network's: its error where both are free, and what it moves by.
-    pub owed: Vec<(usize, f64)>,
+    /// That, by index in θ.
+    pub shared: Vec<usize>,
     /// The force.
     pub force: LearntForce,
     /// What its file says of it.
     pub card: Card,
-    /// What it is like.
-    pub law: Option<Law>,
+    /// What it is like, one a coordinate.
+    pub laws: Vec<Law>,
 }
 
 /// The entries of θ whose work the network of a fit could do, among those that nothing is known of beforehand: where it could for one constant of an effect,
-/// all of them, and beside the error of a gain the gain. With each its standard error where nothing says how the two share the work.
-fn taken_over(fitted: &Fitted) -> Vec<(usize, f64)> {
+/// all of them, and beside the error of a gain the gain.
+fn taken_over(fitted: &Fitted) -> Vec<usize> {
     let Fitted { hybrid, inside, .. } = fitted;
     let constants = hybrid.constants();
     let of_network = |i: usize| matches!(constants[i].id, ConstantId::Network(..));
@@ -113,11 +126,8 @@ fn taken_over(fitted: &Fitted) -> Vec<(usize, f64)> {
             }
         }
     }
-    let error = |i: usize| {
-        let k = inside.free.iter().position(|&free| free == i)?;
-        Some((i, beside[k]))
-    };
-    held.into_iter().filter_map(error).collect()
+    held.retain(|i| inside.free.contains(i));
+    held
 }
 
 /// On which coordinates the model is off, by what is left of each: not on those that stay within their noise while another leaves it.
@@ -131,6 +141,15 @@ fn left(study: &Study, fitted: &Fitted, gap: &Gap) -> Vec<f64> {
     let excess = fitted.excess(&study.observations);
     let pairs = gap.coordinates.iter().zip(excess);
     pairs.map(|(free, excess)| free.after.max(excess)).collect()
+}
+
+/// Whether it leaves far more than it should on each.
+fn is_far(study: &Study, fitted: &Fitted, gap: &Gap) -> Vec<bool> {
+    let excess = fitted.excess(&study.observations);
+    let pairs = gap.coordinates.iter().zip(excess);
+    let far =
+        pairs.map(|(free, excess)| free.after > STILL_OFF * free.expected || excess > STILL_OFF);
+    far.collect()
 }
 
 impl<'a> Resort<'a> {
@@ -163,37 +182,77 @@ impl<'a> Resort<'a> {
         let left = left.filter(|left| left.coordinate == c);
         let (words, signals) = describe(study, fitted, (force, c), left, inputs)?;
         let hint = fitted.hint(study, true);
-        let resort = Resort {
-            model,
-            study,
-            interval,
+        let own = Off {
             coordinate: c,
             rms: words.rms,
             follows: hint.filter(|h| h.coordinate == c).map(|h| h.follows),
             signals,
+        };
+        let others = all.iter().filter_map(|force| {
+            let mut names = coordinates.iter();
+            let other = names.position(|own| own.name == force.coordinate)?;
+            if other == c {
+                return None;
+            }
+            let (words, signals) = describe(study, fitted, (force, other), None, inputs)?;
+            Some(Off {
+                coordinate: other,
+                rms: words.rms,
+                follows: None,
+                signals,
+            })
+        });
+        let resort = Resort {
+            model,
+            study,
+            interval,
+            own,
+            others: others.collect(),
             seed,
         };
         Some((words, resort))
     }
 
-    /// Teaches a network beside what was found.
+    /// The coordinates that are off, the worst first, with the others that a fitted model leaves far more than it should on.
+    pub fn all_off(&self, fitted: &Fitted, gap: &Gap) -> Vec<&Off> {
+        let (far, off) = (
+            is_far(self.study, fitted, gap),
+            off(&left(self.study, fitted, gap)),
+        );
+        let is_off = |other: &&Off| {
+            let c = other.coordinate;
+            far.get(c) == Some(&true) && off.get(c) == Some(&true)
+        };
+        [&self.own]
+            .into_iter()
+            .chain(self.others.iter().filter(is_off))
+            .collect()
+    }
+
+    /// Teaches a network the forces on some coordinates beside what was found.
     ///
     /// # Errors
     /// In words, where there is none that explains windows it has not seen.
-    pub fn teach(&self, search: &Search, provenance: &Provenance) -> Result<Taught, String> {
+    pub fn teach(
+        &self,
+        off: &[&Off],
+        search: &Search,
+        provenance: &Provenance,
+    ) -> Result<Taught, String> {
         let given = &search.model;
         let taken = given.hybrid.networks().iter().flat_map(|n| n.outputs());
         let coordinates = self.model.mechanics.coordinates();
-        let name = &coordinates[self.coordinate].name;
-        if taken.clone().any(|o| o.coordinate == self.coordinate) {
+        let mut taken = taken.filter(|o| off.iter().any(|off| off.coordinate == o.coordinate));
+        if let Some(output) = taken.next() {
+            let name = &coordinates[output.coordinate].name;
             return Err(format!(
                 "No network was taught it: the model has one on `{name}` already."
             ));
         }
-        let quantities = self.quantities(&given.hybrid);
+        let quantities = self.quantities(off, &given.hybrid);
         let states = self.states(&given.hybrid, &given.inside.theta, &quantities);
         let force = self
-            .beginning(&quantities, &states)
+            .beginning(off, &quantities, &states)
             .ok_or("No network was taught it: nothing moves that it could follow.")?;
         let mut hybrid = given.hybrid.clone();
         let theta = [&given.inside.theta, force.network().parameters()].concat();
@@ -210,7 +269,7 @@ impl<'a> Resort<'a> {
         };
         let mut fitted = some.fit(hybrid, there.start(theta), alone, all);
         // What does the same as a constant that is held may be next.
-        let mut owed = Vec::new();
+        let mut shared = Vec::new();
         for _ in 0..ROUNDS {
             let taken = taken_over(&fitted);
             if taken.is_empty() {
@@ -218,8 +277,8 @@ impl<'a> Resort<'a> {
             }
             let mut hybrid = fitted.hybrid.clone();
             let mut theta = fitted.inside.theta.clone();
-            for (i, error) in taken {
-                owed.push((i, error.hypot(theta[i] - given.inside.theta[i])));
+            for i in taken {
+                shared.push(i);
                 theta[i] = given.inside.theta[i];
                 let constant = &mut hybrid.constants_mut()[i];
                 (constant.value, constant.tolerance) = (theta[i], 0.0);
@@ -253,7 +312,8 @@ impl<'a> Resort<'a> {
             },
         );
         card.interval = Some(self.interval);
-        let law = Law::of(&force, 0, &states, self.model);
+        let laws = (0..off.len()).filter_map(|k| Law::of(&force, k, &states, self.model));
+        let laws: Vec<Law> = laws.collect();
         let words = serde_json::json!({
             "program": concat!("pinode ", env!("CARGO_PKG_VERSION")),
             "model": provenance.model,
@@ -261,47 +321,24 @@ impl<'a> Resort<'a> {
             "seed": self.seed,
             "windows": self.study.windows.fit.len(),
             "gain_per_sample_held_out": comparison.outside_gain,
-            "laws": law.as_slice(),
+            "laws": laws,
         });
         if let serde_json::Value::Object(words) = words {
             card.training = words;
         }
         Ok(Taught {
             fitted,
-            owed,
+            shared,
             force,
             card,
-            law,
+            laws,
         })
     }
 
-    /// What the network sees; angles that wrap by cosine and sine.
-    fn quantities(&self, hybrid: &Hybrid) -> Vec<Quantity> {
-        let c = self.coordinate;
+    /// What a network on some coordinates sees; angles that wrap by cosine and sine.
+    fn quantities(&self, off: &[&Off], hybrid: &Hybrid) -> Vec<Quantity> {
         let coordinates = self.model.mechanics.coordinates();
-        let own = |input: &usize| hybrid.moves(*input, c);
-        let inputs: Vec<usize> = (0..self.model.inputs.len()).filter(own).collect();
-        let ago = |back: usize| -> Vec<Quantity> {
-            let of = |&input: &usize| Quantity::Input { input, back };
-            inputs.iter().map(of).collect()
-        };
-        let (place, speed) = (Quantity::Position(c), Quantity::Velocity(c));
-        let mut sees = match self.follows {
-            None => [vec![place, speed], ago(0)].concat(),
-            Some(Follows::Velocity) => vec![speed],
-            Some(Follows::Position) => vec![place],
-            Some(Follows::PositionBeyond) => vec![place, Quantity::Position(c + 1)],
-            Some(Follows::VelocityBeyond) => vec![speed, Quantity::Velocity(c + 1)],
-            // A network remembers nothing: what it can know of the past of the motion is where that has led.
-            Some(Follows::PositionAndDirection | Follows::PastMotion) => vec![place, speed],
-            Some(Follows::Input) => ago(0),
-            // Samples ago are those of the log, which may have been thinned.
-            Some(Follows::PastInput) if !same_rate(self.study.interval, self.interval) => ago(0),
-            Some(Follows::PastInput) => {
-                [0].iter().chain(&AGO).flat_map(|&back| ago(back)).collect()
-            }
-        };
-        sees.extend(&self.signals);
+        let sees = off.iter().flat_map(|off| self.followed(off, hybrid));
         let mut distinct = Vec::new();
         for quantity in sees {
             let wraps = |c: usize| coordinates.get(c).is_some_and(|c| c.wraps);
@@ -316,6 +353,35 @@ impl<'a> Resort<'a> {
             }
         }
         distinct
+    }
+
+    /// What the force on a coordinate may follow.
+    fn followed(&self, off: &Off, hybrid: &Hybrid) -> Vec<Quantity> {
+        let c = off.coordinate;
+        let own = |input: &usize| hybrid.moves(*input, c);
+        let inputs: Vec<usize> = (0..self.model.inputs.len()).filter(own).collect();
+        let ago = |back: usize| -> Vec<Quantity> {
+            let of = |&input: &usize| Quantity::Input { input, back };
+            inputs.iter().map(of).collect()
+        };
+        let (place, speed) = (Quantity::Position(c), Quantity::Velocity(c));
+        let mut sees = match off.follows {
+            None => [vec![place, speed], ago(0)].concat(),
+            Some(Follows::Velocity) => vec![speed],
+            Some(Follows::Position) => vec![place],
+            Some(Follows::PositionBeyond) => vec![place, Quantity::Position(c + 1)],
+            Some(Follows::VelocityBeyond) => vec![speed, Quantity::Velocity(c + 1)],
+            // A network remembers nothing: what it can know of the past of the motion is where that has led.
+            Some(Follows::PositionAndDirection | Follows::PastMotion) => vec![place, speed],
+            Some(Follows::Input) => ago(0),
+            // Samples ago are those of the log, which may have been thinned.
+            Some(Follows::PastInput) if !same_rate(self.study.interval, self.interval) => ago(0),
+            Some(Follows::PastInput) => {
+                [0].iter().chain(&AGO).flat_map(|&back| ago(back)).collect()
+            }
+        };
+        sees.extend(&off.signals);
+        sees
     }
 
     /// What it sees of the samples in the windows that are fitted, one row a sample.
@@ -343,7 +409,12 @@ impl<'a> Resort<'a> {
     }
 
     /// A network without force: units that change at states that were seen, at first with no weight. `None` where nothing that it sees moves.
-    fn beginning(&self, quantities: &[Quantity], states: &[Vec<f64>]) -> Option<LearntForce> {
+    fn beginning(
+        &self,
+        off: &[&Off],
+        quantities: &[Quantity],
+        states: &[Vec<f64>],
+    ) -> Option<LearntForce> {
         let features: Vec<Feature> = quantities
             .iter()
             .enumerate()
@@ -352,12 +423,13 @@ impl<'a> Resort<'a> {
         let moving: Vec<usize> = (0..features.len())
             .filter(|&k| features[k].range[1] > features[k].range[0])
             .collect();
-        if moving.is_empty() || self.rms.is_nan() || self.rms <= 0.0 {
+        if moving.is_empty() || !off.iter().all(|off| off.rms > 0.0) {
             return None;
         }
         let d = features.len();
         let units = (UNITS[0] + UNITS[1] * moving.len()).min(UNITS[2]);
-        let shape = Shape::new(&[d, units, 1], Activation::Tanh, Activation::Identity).ok()?;
+        let sizes = [d, units, off.len()];
+        let shape = Shape::new(&sizes, Activation::Tanh, Activation::Identity).ok()?;
         let mut parameters = vec![0.0; shape.parameters()];
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         let layer = shape.layers().next()?;
@@ -378,11 +450,11 @@ impl<'a> Resort<'a> {
             parameters[layer.biases + unit] = -sum;
         }
         let network = Mlp::from_parameters(shape, parameters).ok()?;
-        let output = Output {
-            coordinate: self.coordinate,
-            scale: self.rms,
+        let output = |off: &&Off| Output {
+            coordinate: off.coordinate,
+            scale: off.rms,
         };
-        LearntForce::new(network, features, vec![output], false).ok()
+        LearntForce::new(network, features, off.iter().map(output).collect(), false).ok()
     }
 }
 
@@ -401,16 +473,36 @@ impl Taught {
 }
 
 impl Learnt {
+    /// The coordinates that it acts on, as people list them.
+    pub fn places(&self) -> String {
+        let names = self.coordinates.iter().map(|name| format!("`{name}`"));
+        names.collect::<Vec<_>>().join(" and ")
+    }
+
     /// In sentences.
-    pub(super) fn sentences(&self, coordinate: &str) -> Vec<String> {
+    pub(super) fn sentences(&self) -> Vec<String> {
         let mut said = vec![format!(
-            "A small network on `{coordinate}` has learnt it and is added to the model as `{}`: the free-run errors on unseen data go from {} to {}, \
+            "A small network on {} has learnt it and is added to the model as `{}`: the free-run errors on unseen data go from {} to {}, \
              in units of the sensors' noise.",
+            self.places(),
             self.weights,
             number(self.without),
             number(self.with)
         )];
-        said.extend(self.law.iter().flat_map(Law::sentences));
+        let name = |name: &Name| format!("{} on `{}`", spoken(&name.kind), name.target);
+        let shared: Vec<String> = self.shares_with.iter().map(name).collect();
+        if !shared.is_empty() {
+            said.push(format!(
+                "How the force is shared between it and {}, the data do not say: what was named has all that its law could explain of both.",
+                shared.join(" and ")
+            ));
+        }
+        said.extend(
+            self.law
+                .iter()
+                .chain(&self.more_laws)
+                .flat_map(Law::sentences),
+        );
         said
     }
 }

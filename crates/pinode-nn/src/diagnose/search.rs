@@ -53,8 +53,6 @@ pub struct Search {
     pub model: Fitted,
     /// The same with a network that has learnt what is left, fitted anew; what the network could have taken over is as it is in the model.
     pub taught: Option<Fitted>,
-    /// Standard errors of constants whose work that could do as well, by index in θ.
-    pub owed: Vec<(usize, f64)>,
     /// The study that it was fitted in: with shorter steps where its friction needs them.
     pub study: Study,
     /// The same names with friction that is less sharp, where the search made it sharper, and the study of that.
@@ -354,7 +352,6 @@ fn search_from(study: &Study, base: Fitted, first: Step, seed: u64, report: Repo
         smooth: smooth.filter(|(_, model)| has_names(model, &added)),
         model: current,
         taught: None,
-        owed: Vec::new(),
         study,
         left,
         pushed: false,

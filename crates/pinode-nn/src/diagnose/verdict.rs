@@ -352,12 +352,18 @@ pub struct Unexplained {
 pub struct Learnt {
     /// The file of its weights, beside the new model.
     pub weights: String,
+    /// The coordinates that it acts on, the one that is worst off first.
+    pub coordinates: Vec<String>,
+    /// The effects whose work it could do: they have all of the force that their laws could explain.
+    pub shares_with: Vec<Name>,
     /// What of the free-run errors on unseen data is left without it, in units of the sensors' noise, over all coordinates.
     pub without: f64,
     /// The same with it.
     pub with: f64,
-    /// What it is like.
+    /// What it is like there.
     pub law: Option<Law>,
+    /// The same on the others.
+    pub more_laws: Vec<Law>,
 }
 
 /// A signal and the adjusted share of the variance that it explains.

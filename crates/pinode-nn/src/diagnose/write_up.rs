@@ -114,10 +114,9 @@ pub fn say_smoothing(revision: &mut Revision, hybrid: &Hybrid) {
     }
 }
 
-/// Standard errors by index in θ: of the fit with a network, and where that held a constant, of the one without, or what it owes to the network.
+/// Standard errors by index in θ: of the fit with a network, and where that held a constant, of the one without.
 struct Errors<'a> {
     fits: [(&'a [usize], &'a [f64]); 2],
-    owed: &'a [(usize, f64)],
 }
 
 impl<'a> Errors<'a> {
@@ -125,7 +124,6 @@ impl<'a> Errors<'a> {
         let fits = [search.whole(), &search.model];
         Errors {
             fits: fits.map(|fit| (&fit.inside.free[..], fit.standard_errors(study))),
-            owed: &search.owed,
         }
     }
 
@@ -134,9 +132,7 @@ impl<'a> Errors<'a> {
             let k = free.iter().position(|&i| i == index)?;
             errors.get(k).copied()
         };
-        let owed = self.owed.iter().filter(|(i, _)| *i == index);
         let error = self.fits.iter().find_map(of_fit)?;
-        let error = owed.fold(error, |error, (_, owed)| error.max(*owed));
         Some(error).filter(|e| e.is_finite())
     }
 }

@@ -573,13 +573,16 @@ fn every_verdict_is_a_sentence() {
     let mut left = unexplained(None);
     left.learnt = Some(Learnt {
         weights: "network.safetensors".into(),
+        coordinates: vec!["slider".into(), "pole".into()],
+        shares_with: Vec::new(),
         without: 9.0,
         with: 1.2,
         law: None,
+        more_laws: Vec::new(),
     });
     beside.unexplained = Some(left);
     assert!(verdict_in_words(&beside).contains(
-        "That is not all: a network has learnt something on `slider` that no effect in the library explains."
+        "That is not all: a network has learnt something on `slider` and `pole` that no effect in the library explains."
     ));
     d.gap.after = f64::NAN;
     d.verdict = Verdict::Unexplained;

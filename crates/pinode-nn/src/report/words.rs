@@ -116,10 +116,10 @@ fn more(diagnosis: &Diagnosis) -> String {
     if let Some(follows) = left.and_then(|left| left.follows.as_ref()) {
         return format!(" That is not all: what is left follows {follows}.");
     }
-    let learnt = left.filter(|left| left.learnt.is_some()).map(|left| {
+    let learnt = left.and_then(|left| left.learnt.as_ref()).map(|learnt| {
         format!(
-            "a network has learnt something on `{}` that no effect in the library explains",
-            left.coordinate
+            "a network has learnt something on {} that no effect in the library explains",
+            learnt.places()
         )
     });
     let change = diagnosis.change.as_ref();

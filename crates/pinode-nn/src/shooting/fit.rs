@@ -196,7 +196,7 @@ const HARDER: f64 = 30.0;
 const TRIALS: usize = 5;
 /// A step that lowers the loss by less than this, nats, gains nothing; short ones end the fit where so many in a row gain less than that part of it.
 const NOTHING: f64 = 0.3;
-const SHORT_ONES: (usize, f64) = (2, 0.3);
+const SHORT_ONES: (usize, f64) = (3, 0.1);
 /// A fit that has stopped goes on where windows that were stuck gained so many nats.
 pub(super) const WORTH_GOING_ON: f64 = 3.0;
 

@@ -1,6 +1,7 @@
 //! What a diagnosis tells of logs that no constant law explains, or that hold a mistake of who recorded them. The logs come from an
 //! integrator of their own here, of a pendulum's closed form.
 
+mod axes;
 mod balanced;
 mod carts;
 mod clocks;

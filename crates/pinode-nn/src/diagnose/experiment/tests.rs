@@ -151,7 +151,6 @@ fn found(
         found: vec![found],
         model: fitted,
         taught: None,
-        owed: Vec::new(),
         study: study.clone(),
         smooth: None,
         left: None,
