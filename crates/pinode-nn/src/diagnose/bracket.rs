@@ -10,9 +10,9 @@ const CLOSER: usize = 8;
 const PARABOLIC: f64 = 0.52;
 /// A fit that the parabola promises so many nats is made …
 const WORTH_A_FIT: f64 = 3.0;
-/// … no closer than this part of a side to the middle or beyond this part of it, and where the parabola does not say, in its middle.
-const INSIDE: [f64; 2] = [0.1, 0.8];
-const MIDDLE: f64 = 0.5;
+/// … no closer than this part of a side to the middle, and where the parabola does not say, half-way there.
+const APART: f64 = 0.1;
+const HALF_WAY: f64 = 0.5;
 
 /// A fit between two others, one with less of the number and one with more.
 pub struct Bracket<T> {
@@ -36,10 +36,10 @@ impl<T> Bracket<T> {
         gain: impl Fn(&T, &T) -> f64,
         closest: impl Fn(&T) -> f64,
     ) -> T {
-        for _ in 0..DOUBLINGS {
-            let gains = self.gains(&gain);
-            let side = usize::from(gains[1] > gains[0]);
-            if gains[side].is_nan() || gains[side] <= 0.0 {
+        for step in 0..DOUBLINGS {
+            let (side, gained) = better(self.gains(&gain));
+            let least = if step == 0 { WORTH_A_FIT } else { 0.0 };
+            if gained.is_nan() || gained <= least {
                 break;
             }
             let apart = LN_2.copysign(self.beside[side].0);
@@ -58,10 +58,9 @@ impl<T> Bracket<T> {
                 self.move_to(side, (outer.0 - at, outer.1));
             }
         }
-        let gains = self.gains(&gain);
-        let side = usize::from(gains[1] > gains[0]);
+        let (side, gained) = better(self.gains(&gain));
         let [below, above] = self.beside;
-        match (gains[side] > 0.0, side) {
+        match (gained > 0.0, side) {
             (false, _) => self.middle,
             (true, 0) => below.1,
             (true, _) => above.1,
@@ -89,12 +88,17 @@ impl<T> Bracket<T> {
         let wider = sides[usize::from(sides[1] > -sides[0])];
         let (top, promised) = parabola(sides, gains);
         let side = sides[usize::from(top > 0.0)];
-        let [least, most] = INSIDE;
-        if promised > WORTH_A_FIT && (least..=1.0).contains(&(top / side)) {
-            return Some(top.clamp(-most * side.abs(), most * side.abs()));
+        if promised > WORTH_A_FIT {
+            return Some(top.abs().max(APART * side.abs()).copysign(top));
         }
-        (wider.abs() > PARABOLIC).then_some(MIDDLE * wider)
+        (wider.abs() > PARABOLIC).then_some(HALF_WAY * wider)
     }
+}
+
+/// The side that gains more, and how much.
+fn better(gains: [f64; 2]) -> (usize, f64) {
+    let side = usize::from(gains[1] > gains[0] || gains[0].is_nan());
+    (side, gains[side])
 }
 
 /// Where the parabola through 0 at 0 and `gains` at `sides` has its top, and how high that is. No numbers where it has none.
@@ -134,6 +138,9 @@ mod tests {
         assert!(asked <= 9, "{asked}");
         let (x, asked) = best(|x| -200.0 * (x + 0.2).powi(2), 0.007);
         assert!((x + 0.2).abs() < 1e-9 && asked <= 4, "{x}, {asked}");
+        // However close it is.
+        let (x, asked) = best(|x| -1e5 * (x - 0.03).powi(2), 0.007);
+        assert!((x - 0.03).abs() < 0.007 && asked <= 6, "{x}, {asked}");
     }
 
     #[test]

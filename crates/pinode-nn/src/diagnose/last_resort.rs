@@ -97,8 +97,8 @@ pub struct Taught {
     pub force: LearntForce,
     /// What its file says of it.
     pub card: Card,
-    /// What it is like, one a coordinate.
-    pub laws: Vec<Law>,
+    /// What it is like, one a coordinate; none where it was taught too few states.
+    pub laws: Vec<Option<Law>>,
 }
 
 /// The entries of θ whose work the network of a fit could do, among those that nothing is known of beforehand: where it could for one constant of an effect,
@@ -219,9 +219,14 @@ impl<'a> Resort<'a> {
             is_far(self.study, fitted, gap),
             off(&left(self.study, fitted, gap)),
         );
+        let outputs = |c: usize| {
+            let networks = self.model.networks.iter();
+            let mut outputs = networks.flat_map(|network| network.force.outputs());
+            outputs.any(|output| output.coordinate == c)
+        };
         let is_off = |other: &&Off| {
             let c = other.coordinate;
-            far.get(c) == Some(&true) && off.get(c) == Some(&true)
+            far.get(c) == Some(&true) && off.get(c) == Some(&true) && !outputs(c)
         };
         [&self.own]
             .into_iter()
@@ -312,8 +317,8 @@ impl<'a> Resort<'a> {
             },
         );
         card.interval = Some(self.interval);
-        let laws = (0..off.len()).filter_map(|k| Law::of(&force, k, &states, self.model));
-        let laws: Vec<Law> = laws.collect();
+        let laws = (0..off.len()).map(|k| Law::of(&force, k, &states, self.model));
+        let laws: Vec<Option<Law>> = laws.collect();
         let words = serde_json::json!({
             "program": concat!("pinode ", env!("CARGO_PKG_VERSION")),
             "model": provenance.model,
@@ -321,7 +326,7 @@ impl<'a> Resort<'a> {
             "seed": self.seed,
             "windows": self.study.windows.fit.len(),
             "gain_per_sample_held_out": comparison.outside_gain,
-            "laws": laws,
+            "laws": laws.iter().flatten().collect::<Vec<_>>(),
         });
         if let serde_json::Value::Object(words) = words {
             card.training = words;
@@ -475,8 +480,11 @@ impl Taught {
 impl Learnt {
     /// The coordinates that it acts on, as people list them.
     pub fn places(&self) -> String {
-        let names = self.coordinates.iter().map(|name| format!("`{name}`"));
-        names.collect::<Vec<_>>().join(" and ")
+        let names: Vec<String> = self.coordinates.iter().map(|c| format!("`{c}`")).collect();
+        match names.as_slice() {
+            [first @ .., last] if !first.is_empty() => format!("{} and {last}", first.join(", ")),
+            names => names.join(""),
+        }
     }
 
     /// In sentences.

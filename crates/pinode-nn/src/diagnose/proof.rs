@@ -206,8 +206,8 @@ impl Proof<'_> {
             shares_with: self.sharing(&taught.fitted.hybrid, &taught.shared),
             without: by_network.before,
             with: by_network.after,
-            law: laws.next(),
-            more_laws: laws.collect(),
+            law: laws.next().flatten(),
+            more_laws: laws.flatten().collect(),
         };
         search.taught = Some(taught.fitted);
         *proved = self.write((study, search), provenance, network)?;

@@ -93,13 +93,14 @@ impl Model {
             let mut sums = lists
                 .flatten()
                 .filter_map(|file| file.get("sha256")?.as_str());
-            sums.any(|sum| sum == log.sha256)
+            // One that was made in memory may have none.
+            !log.sha256.is_empty() && sums.any(|sum| sum == log.sha256)
         };
         let learnt = logs.filter(|log| self.networks.iter().any(|entry| has(entry, log)));
         let learnt: Vec<String> = learnt.map(|log| log.path.display().to_string()).collect();
         (!learnt.is_empty()).then(|| {
             format!(
-                "a network of the model has learnt from {}: what is called unseen here it may have seen, and its errors elsewhere are larger; give a log that it has not learnt from.",
+                "a network of the model has learnt from {}: errors on these logs are no measure of those on data that it has not seen; give a log that it has not learnt from.",
                 learnt.join(", ")
             )
         })

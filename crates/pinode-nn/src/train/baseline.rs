@@ -5,6 +5,7 @@ use super::data::Recordings;
 use super::options::check_numbers;
 use super::{Options, Session, Training, revision};
 use crate::Error;
+use crate::diagnose::refuse_twice;
 use crate::learnt::Quantity;
 use crate::model::Revision;
 use crate::network::{Activation, Mlp, Shape};
@@ -33,6 +34,7 @@ pub struct Fitted {
 /// As [`train`](super::train).
 pub fn fit_physics(training: &Training<'_>, options: &Options) -> Result<Fitted, Error> {
     check_numbers(options)?;
+    refuse_twice(training.logs, training.held_out)?;
     let model = training.model;
     // A network that gives no force.
     let options = Options {

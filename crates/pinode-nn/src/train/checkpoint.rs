@@ -14,13 +14,15 @@ use crate::network::Real;
 
 /// Where the words of a checkpoint are in the metadata of its file.
 const KEY: &str = "pinode-training";
+/// Where the SHA-256 of the numbers, in the order of their names, and of the words is.
+const SUM: &str = "sha256";
 
 #[derive(Serialize, Deserialize)]
 struct Words {
     /// Of the model, the logs and the options.
     fingerprint: String,
-    /// Of the numbers, SHA-256 of all tensors in the order of their names.
-    sum: String,
+    /// What was held back of known constants, now and beside the best network.
+    held_back: [Vec<(usize, f64)>; 2],
     steps: u64,
     usual: f64,
     history: Vec<Epoch>,
@@ -39,9 +41,12 @@ impl<T: Real> Session<'_, T> {
     pub(super) fn save(&self, path: &Path, fingerprint: &str) -> Result<(), Error> {
         let io =
             |e: Box<dyn std::error::Error + Send + Sync>| Error::io(path, std::io::Error::other(e));
-        let mut words = Words {
+        let words = Words {
             fingerprint: fingerprint.to_owned(),
-            sum: String::new(),
+            held_back: [
+                self.recordings.held_back.clone(),
+                self.best_held_back.clone(),
+            ],
             steps: self.adam.steps,
             usual: self.adam.usual,
             history: self.history.clone(),
@@ -76,9 +81,10 @@ impl<T: Real> Session<'_, T> {
             let view = TensorView::new(Dtype::F64, vec![bytes.len() / 8], bytes);
             views.push((*name, view.map_err(|e| io(e.into()))?));
         }
-        words.sum = sum(tensors.iter().map(|(_, bytes)| &bytes[..]));
         let text = serde_json::to_string(&words).map_err(|e| io(e.into()))?;
-        let metadata = HashMap::from([(KEY.to_owned(), text)]);
+        let numbers = tensors.iter().map(|(_, bytes)| &bytes[..]);
+        let sum = sum(numbers.chain([text.as_bytes()]));
+        let metadata = HashMap::from([(KEY.to_owned(), text), (SUM.to_owned(), sum)]);
         let bytes = safetensors::serialize(views, Some(metadata)).map_err(|e| io(e.into()))?;
         write_atomically(path, &bytes)
     }
@@ -110,7 +116,10 @@ impl<T: Real> Session<'_, T> {
         }
         let mut all = tensors.tensors();
         all.sort_by(|a, b| a.0.cmp(&b.0));
-        if sum(all.iter().map(|(_, tensor)| tensor.data())) != words.sum {
+        let numbers = all.iter().map(|(_, tensor)| tensor.data());
+        let found = sum(numbers.chain(text.map(String::as_bytes)));
+        let written = metadata.metadata().as_ref().and_then(|all| all.get(SUM));
+        if written != Some(&found) {
             return Err(fault(
                 "is damaged: its numbers are not those that were written".to_owned(),
             ));
@@ -159,6 +168,8 @@ impl<T: Real> Session<'_, T> {
         let constants = self.recordings.theta.len();
         let theta = numbers("theta", constants)?;
         self.best_theta = numbers("best.theta", constants)?;
+        let [held_back, best_held_back] = words.held_back;
+        (self.recordings.held_back, self.best_held_back) = (held_back, best_held_back);
         (self.adam.mean, self.adam.square) = (mean, square);
         (self.adam.steps, self.adam.usual) = (words.steps, words.usual);
         self.best.parameters_mut().copy_from_slice(&best);

@@ -249,7 +249,10 @@ fn trained<T: Real>(
     let force = force.trained_on(&seen);
     let names: Vec<String> = model.inputs.iter().map(|i| i.name.clone()).collect();
     let inputs: Vec<&str> = names.iter().map(String::as_str).collect();
-    let constants = session.recordings.known(&session.best_theta, &names);
+    let constants = match options.physics {
+        true => session.recordings.known(&session.best_theta, &names),
+        false => Vec::new(),
+    };
     let mut card = Card::of(
         &force,
         Names {
@@ -292,10 +295,10 @@ fn trained<T: Real>(
     }
     let mut warnings = session.recordings.left_out.clone();
     warnings.extend(worse_than_none(best, without_network));
-    warnings.extend(session.recordings.held_back_in_words(&names));
-    warnings.extend(session.recordings.rests_in_the_end());
-    warnings
-        .extend(best.and_then(|best| unlearnt(best, options, &unseen_positions(&force, model))));
+    let recordings = &session.recordings;
+    warnings.extend(recordings.in_words(&session.best_held_back, &names));
+    warnings.extend(recordings.rests_in_the_end());
+    warnings.extend(best.and_then(|best| unlearnt(best, options, &with_positions(&force, model))));
     warnings.extend(overlap.and_then(shared));
     Ok(Trained {
         revision: revision(model, &session.recordings.hybrid, &session.best_theta),
@@ -328,22 +331,23 @@ const LEFT: f64 = 2.0;
 /// The best epoch was among the last where it is in this part of them.
 const AMONG_THE_LAST: f64 = 0.95;
 
-/// Said of a network that leaves far more than noise on what is held out; `unseen` are positions that it does not see.
-fn unlearnt(best: &Epoch, options: &Options, unseen: &[String]) -> Option<String> {
+/// Said of a network that leaves far more than noise on what is held out; `more` is what it sees and the positions that it does not, nothing where it sees all.
+fn unlearnt(best: &Epoch, options: &Options, more: &[String]) -> Option<String> {
     if options.start != Start::Fitted || best.held_out < LEFT {
         return None;
     }
     let mut cures = Vec::new();
-    if !unseen.is_empty() {
+    if !more.is_empty() {
         cures.push(format!(
-            "let it see more than it does by --sees, as {}",
-            unseen.join(", ")
+            "let it see all positions: --sees {}",
+            more.join(" ")
         ));
     }
     cures.push(
         match best.epoch as f64 > AMONG_THE_LAST * options.epochs as f64 {
-            true => "give it more --epochs: it was still getting better",
-            false => "give it more data, --units or smooth ones (--activation tanh)",
+            true if !best.polish => "give it more --epochs: it was still getting better",
+            _ if options.hidden == Activation::Tanh => "give it more data or --units",
+            _ => "give it more data, --units or smooth ones (--activation tanh)",
         }
         .to_owned(),
     );
@@ -354,22 +358,27 @@ fn unlearnt(best: &Epoch, options: &Options, unseen: &[String]) -> Option<String
     ))
 }
 
-/// The positions that a network does not see.
-fn unseen_positions(force: &LearntForce, model: &Model) -> Vec<String> {
-    let coordinates = model.mechanics.coordinates().iter().enumerate();
-    let seen = |c: usize| {
-        force
-            .features()
-            .iter()
-            .any(|feature| match feature.quantity {
-                Quantity::Position(k) | Quantity::Cosine(k) | Quantity::Sine(k) => k == c,
-                _ => false,
-            })
+/// What a network sees and the positions that it does not, as `--sees` takes them; nothing where it sees them all.
+fn with_positions(force: &LearntForce, model: &Model) -> Vec<String> {
+    let coordinates = model.mechanics.coordinates();
+    let inputs: Vec<&str> = model.inputs.iter().map(|i| i.name.as_str()).collect();
+    let seen: Vec<Quantity> = force.features().iter().map(|f| f.quantity).collect();
+    let positions = coordinates.iter().enumerate();
+    let positions = positions.flat_map(|(c, coordinate)| match coordinate.wraps {
+        true => vec![Quantity::Cosine(c), Quantity::Sine(c)],
+        false => vec![Quantity::Position(c)],
+    });
+    let unseen: Vec<Quantity> = positions.filter(|q| !seen.contains(q)).collect();
+    if unseen.is_empty() {
+        return Vec::new();
+    }
+    let name = |quantity: &Quantity| match quantity {
+        Quantity::Cosine(_) | Quantity::Sine(_) => {
+            format!("'{}'", quantity.name(coordinates, &inputs))
+        }
+        _ => quantity.name(coordinates, &inputs),
     };
-    let unseen = coordinates.filter(|(c, _)| !seen(*c));
-    unseen
-        .map(|(_, coordinate)| format!("q.{}", coordinate.name))
-        .collect()
+    seen.iter().chain(&unseen).map(name).collect()
 }
 
 /// A larger share of a network's force that effects could explain is warned of.

@@ -14,7 +14,7 @@ const MOST_PARAMETERS: usize = 10_000_000;
 pub struct Options {
     /// The coordinates that it acts on.
     pub joints: Vec<usize>,
-    /// What it sees; empty: cosine and sine of every angle that wraps, every other angle, displacements that an energy or a known spring depends on (a black box all), all
+    /// What it sees; empty: cosine and sine of every angle that wraps, every other angle, displacements that an energy, a known spring, stop or periodic force depends on (a black box all), all
     /// velocities and all inputs.
     pub quantities: Vec<Quantity>,
     /// Units of the hidden layers.

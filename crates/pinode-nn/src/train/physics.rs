@@ -5,7 +5,8 @@ use serde::Serialize;
 
 use super::data::{OVERLAP, Recordings};
 use crate::Error;
-use crate::hybrid::Hybrid;
+use crate::digits::{exponent, fixed};
+use crate::hybrid::{ConstantId, Hybrid};
 use crate::learnt::LearntForce;
 use crate::shooting::{Fit, FitOptions, Roller, Trajectory, Window, fit};
 
@@ -16,7 +17,8 @@ pub(super) const STATE_STEPS: usize = 3;
 /// Steps of a fit of constants, and of one beside a network: the next one is near.
 const FIT_STEPS: usize = 20;
 const STEPS_BESIDE: usize = 3;
-/// Constants that a fit stretches beyond their tolerances by more nats than this, two standard deviations, make up for what is missing, and that is the network's to learn.
+/// Constants that a fit stretches by more nats than this, two standard deviations, beside the half that each of them is off by as a rule, make up for what is missing, and that is the
+/// network's to learn.
 const STRETCHED: f64 = 2.0;
 /// A constant that would move by so many tolerances is told.
 const FAR_OFF: f64 = 2.0;
@@ -36,6 +38,25 @@ pub struct Known {
     pub tolerance: f64,
 }
 
+impl Known {
+    /// By how many tolerances it has moved.
+    pub fn tolerances(&self) -> f64 {
+        ((self.fitted - self.given) / self.tolerance).abs()
+    }
+
+    /// What it is, where it was and is, to the third digit of its tolerance, and how far that is.
+    pub fn moved(&self) -> String {
+        let decimals = 2 - exponent(self.tolerance, 2);
+        format!(
+            "{} from {} to {}, {:.2} times its tolerance",
+            self.name,
+            fixed(self.given, decimals),
+            fixed(self.fitted, decimals),
+            self.tolerances()
+        )
+    }
+}
+
 impl Recordings {
     /// θ_free by least squares over windows whose initial states are free, `within` [reason](STRETCHED) or however far.
     pub fn fit_from_free_states(&mut self, within: bool) {
@@ -46,6 +67,7 @@ impl Recordings {
         let hybrid = self.hybrid.clone();
         match within {
             true => self.fit_within_reason(&hybrid, &windows, states, steps),
+            false if hybrid.free().is_empty() => {}
             false => {
                 let fitted = self.fit_constants(&hybrid, &windows, states, steps, &hybrid.free());
                 self.set_theta(fitted.theta);
@@ -72,20 +94,38 @@ impl Recordings {
         states: Vec<Vec<f64>>,
         steps: [usize; 2],
     ) {
-        let fitted = self.fit_constants(hybrid, windows, states.clone(), steps, &hybrid.free());
-        if fitted.stretch <= STRETCHED {
+        let free = hybrid.free();
+        if free.is_empty() {
+            return;
+        }
+        let fitted = self.fit_constants(hybrid, windows, states.clone(), steps, &free);
+        let (known, unknown): (Vec<usize>, Vec<usize>) =
+            free.into_iter().partition(|&i| self.makes_force(i));
+        let off = |&i: &usize| (fitted.theta[i] - self.given[i]) / hybrid.constants()[i].tolerance;
+        let stretch: f64 = known.iter().map(|i| 0.5 * off(i).powi(2)).sum();
+        if stretch <= STRETCHED + 0.5 * known.len() as f64 {
             self.held_back.clear();
             self.set_theta(fitted.theta);
             return;
         }
-        let (known, unknown): (Vec<usize>, Vec<usize>) =
-            (hybrid.free().into_iter()).partition(|&i| self.is_known(i));
         self.held_back = known.iter().map(|&i| (i, fitted.theta[i])).collect();
         for i in known {
             self.theta[i] = self.given[i];
         }
-        let fitted = self.fit_constants(hybrid, windows, states, steps, &unknown);
-        self.set_theta(fitted.theta);
+        let theta = match unknown.is_empty() {
+            true => self.theta.clone(),
+            false => {
+                self.fit_constants(hybrid, windows, states, steps, &unknown)
+                    .theta
+            }
+        };
+        self.set_theta(theta);
+    }
+
+    /// Whether an entry of θ is known and what it does is a force, as a gain's and a mass's is, and no zero's of a sensor: a network could do its work.
+    fn makes_force(&self, index: usize) -> bool {
+        let is_zero = matches!(self.hybrid.constants()[index].id, ConstantId::Zero(_));
+        self.is_known(index) && !is_zero
     }
 
     /// Whether the model says how well it knows an entry of θ.
@@ -96,32 +136,32 @@ impl Recordings {
     /// What is known and was free, as it is in `theta`.
     pub(super) fn known(&self, theta: &[f64], inputs: &[String]) -> Vec<Known> {
         let known = self.hybrid.free().into_iter().filter(|&i| self.is_known(i));
-        let of = |i: usize| Known {
-            name: self.hybrid.describe(i, inputs),
-            given: self.given[i],
-            fitted: theta[i],
-            tolerance: self.hybrid.constants()[i].tolerance,
-        };
-        known.map(of).collect()
+        known.map(|i| self.known_at(i, theta[i], inputs)).collect()
     }
 
-    /// Said where known constants would have been stretched beyond reason beside the network: it has learnt what they would have done, whatever that is.
-    pub(super) fn held_back_in_words(&self, inputs: &[String]) -> Option<String> {
-        let far = self.held_back.iter().filter_map(|&(i, fitted)| {
-            let off = (fitted - self.given[i]) / self.hybrid.constants()[i].tolerance;
-            (off.abs() > FAR_OFF).then(|| {
-                let name = self.hybrid.describe(i, inputs);
-                format!(
-                    "{name} from {:.4} to {fitted:.4}, {:.1} times its tolerance",
-                    self.given[i],
-                    off.abs()
-                )
-            })
-        });
-        let far: Vec<String> = far.collect();
+    fn known_at(&self, index: usize, fitted: f64, inputs: &[String]) -> Known {
+        Known {
+            name: self.hybrid.describe(index, inputs),
+            given: self.given[index],
+            fitted,
+            tolerance: self.hybrid.constants()[index].tolerance,
+        }
+    }
+
+    /// Said of known constants that would have been stretched beyond reason: the network has learnt what they would have done, whatever that is. Those that would be far off, or the farthest.
+    pub(super) fn in_words(&self, held_back: &[(usize, f64)], inputs: &[String]) -> Option<String> {
+        let would_be = |&(i, fitted): &(usize, f64)| self.known_at(i, fitted, inputs);
+        let mut far: Vec<Known> = held_back.iter().map(would_be).collect();
+        far.sort_by(|a, b| b.tolerances().total_cmp(&a.tolerances()));
+        let count = far
+            .iter()
+            .filter(|known| known.tolerances() > FAR_OFF)
+            .count();
+        far.truncate(count.max(1));
+        let far: Vec<String> = far.iter().map(Known::moved).collect();
         (!far.is_empty()).then(|| {
             format!(
-                "a fit beside the network would move {}: constants are as the model has them, and what they are off by is in the network's force; measure them, or say in \
+                "a fit of the constants would move {}: they are as the model has them, and what they are off by is in the network's force; measure them, or say in \
                  `[tolerance]` what is possible",
                 far.join(", and ")
             )
@@ -312,7 +352,7 @@ mod tests {
         let inputs = ["push".to_owned()];
         let gain = |found: &Recordings| {
             let [gain] = found.known(&found.theta, &inputs).try_into().unwrap();
-            (gain, found.held_back_in_words(&inputs))
+            (gain, found.in_words(&found.held_back, &inputs))
         };
         let alone = Recordings::new(&model, [&logs, &[]], &options, false).unwrap();
         let (baseline, said) = gain(&alone);

@@ -60,8 +60,9 @@ pub struct Session<'a, T: Real> {
     pub(super) learner: Learner<T>,
     pub(super) adam: Adam<T>,
     pub(super) best: Mlp<T>,
-    /// θ beside it.
+    /// θ beside it, and what was [held back](Recordings::held_back) there.
     pub(super) best_theta: Vec<f64>,
+    pub(super) best_held_back: Vec<(usize, f64)>,
     pub(super) history: Vec<Epoch>,
     chunks: Vec<Chunk<T>>,
     pub(super) gradient: Vec<T>,
@@ -84,6 +85,7 @@ impl<'a, T: Real> Session<'a, T> {
             adam: Adam::new(n),
             best: learner.network.clone(),
             best_theta: recordings.theta.clone(),
+            best_held_back: recordings.held_back.clone(),
             history: Vec::new(),
             gradient: vec![T::from_f64(0.0); n],
             chunks,
@@ -215,6 +217,7 @@ impl<'a, T: Real> Session<'a, T> {
         if self.best_epoch() == epoch.epoch {
             self.best = self.learner.network.clone();
             self.best_theta.clone_from(&self.recordings.theta);
+            self.best_held_back.clone_from(&self.recordings.held_back);
         }
         Ok(epoch)
     }

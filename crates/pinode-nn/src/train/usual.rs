@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::Options;
-use crate::effect::Family;
+use crate::effect::{Family, Kind};
 use crate::learnt::Quantity;
 use crate::model::{Model, Target};
 
@@ -31,7 +31,7 @@ pub(super) fn usual_quantities(model: &Model, options: &Options) -> Vec<Quantity
 }
 
 /// The displacements that say where the mechanism is: those that do not change in any direction d of displacements along which the motion is the same wherever it begins,
-/// d·∂T/∂q = 0 and d·∂V/∂q = 0, V with the known springs. A cart's position is none, nor are those of two masses with a spring between them.
+/// d·∂T/∂q = 0 and d·∂V/∂q = 0, V with the known springs, stops and periodic forces. A cart's position is none, nor are those of two masses with a spring between them.
 fn places(model: &Model) -> Vec<usize> {
     let coordinates = model.mechanics.coordinates();
     let is_displacement = |c: &usize| !coordinates[*c].angular;
@@ -85,8 +85,11 @@ fn slopes(model: &Model, displacements: &[usize]) -> Vec<Vec<f64>> {
             .collect()
     };
     let of_energies = (0..PLACES).flat_map(|seed| [at(seed, true), at(seed, false)]);
+    // Of the position alone; the same everywhere is one.
+    let depends =
+        |kind: &Kind| kind.family == Family::Conservative && kind.name != "constant_force";
     let springs = model.effects.iter().filter_map(|entry| match entry.target {
-        Target::Coordinate(c) if entry.kind.family == Family::Conservative => Some(c),
+        Target::Coordinate(c) if depends(entry.kind) => Some(c),
         _ => None,
     });
     let of_spring = |spring: usize| {

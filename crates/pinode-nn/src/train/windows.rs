@@ -101,7 +101,12 @@ impl Recordings {
                 moved.map(|v| v * v).sum()
             };
             let all = squares(|_| 0);
-            if all > 0.0 {
+            let samples: usize = self.smoothed.iter().map(|run| run.v[c].len()).sum();
+            let channels = self.observations.channels.iter();
+            let noises = channels.filter(|own| own.coordinate == c && !own.velocity);
+            let noise = noises.map(|own| own.noise).fold(0.0, f64::max);
+            // One that never leaves its noise says nothing either way.
+            if (all / samples.max(1) as f64).sqrt() * self.interval > noise {
                 whole += 1.0;
                 last += squares(border) / all;
             }
