@@ -109,7 +109,7 @@ use self::verdict::{Diagnosis, LogProvenance, Numerics, Provenance, Verdict};
 use crate::Error;
 use crate::effect::Kind;
 use crate::entries::refuse_poses;
-use crate::log::{Log, Run};
+use crate::log::{Log, Run, refuse_twice};
 use crate::model::Model;
 
 pub use conventions::counts_otherwise;
@@ -386,21 +386,6 @@ fn recordings<'a>(logs: impl Iterator<Item = &'a Log>) -> Vec<String> {
         log.runs.iter().map(name)
     };
     logs.flat_map(of_log).collect()
-}
-
-/// A log that is given twice would be seen and unseen. Of one that was made in memory nobody knows.
-pub(crate) fn refuse_twice(logs: &[Log], held_out: &[Log]) -> Result<(), Error> {
-    let all: Vec<&Log> = logs.iter().chain(held_out).collect();
-    let is_same = |a: &Log, b: &Log| !a.sha256.is_empty() && a.sha256 == b.sha256;
-    for (k, second) in all.iter().enumerate() {
-        if let Some(first) = all[..k].iter().find(|first| is_same(first, second)) {
-            return Err(Error::SameLog {
-                first: first.path.clone(),
-                second: second.path.clone(),
-            });
-        }
-    }
-    Ok(())
 }
 
 /// From what all this was found.

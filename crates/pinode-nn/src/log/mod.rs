@@ -34,6 +34,7 @@ mod mcap;
 mod parquet;
 mod read;
 mod rows;
+mod twice;
 mod unit;
 
 use std::path::{Path, PathBuf};
@@ -42,6 +43,7 @@ use lagrange::{Coordinate, Problem};
 
 pub use columns::{ColumnMap, Mapping};
 pub(crate) use interval::{same_rate, typical, typical_interval};
+pub(crate) use twice::refuse_twice;
 pub(crate) use unit::{MICROSECOND, MILLISECOND, sizes_of_a_count};
 
 use crate::Error;

@@ -5,8 +5,8 @@ use super::data::Recordings;
 use super::options::check_numbers;
 use super::{Options, Session, Training, revision};
 use crate::Error;
-use crate::diagnose::refuse_twice;
 use crate::learnt::Quantity;
+use crate::log::refuse_twice;
 use crate::model::Revision;
 use crate::network::{Activation, Mlp, Shape};
 

@@ -60,11 +60,10 @@ pub use physics::Known;
 pub use session::{Epoch, Session};
 
 use crate::Error;
-use crate::diagnose::refuse_twice;
 use crate::hybrid::{ConstantId, Hybrid};
 use crate::learnt::law::Law;
 use crate::learnt::{Card, LearntForce, Names, Quantity};
-use crate::log::Log;
+use crate::log::{Log, refuse_twice};
 use crate::model::{Model, Revision};
 use crate::network::{Activation, Mlp, Real, Shape};
 

@@ -48,6 +48,14 @@ pub(super) fn log_of(
     Log::parse(Path::new(name), text.as_bytes(), &channels).unwrap()
 }
 
+fn on<'a>(model: &'a Model, logs: &'a [Log]) -> Training<'a> {
+    Training {
+        model,
+        logs,
+        held_out: &[],
+    }
+}
+
 fn options() -> Options {
     Options {
         units: vec![8],
@@ -61,11 +69,7 @@ fn options() -> Options {
 fn windows_held_out_that_diverge_count_as_far_away() {
     let model = sledge();
     let logs = [log("log.csv", 0.02, 40.0, &model)];
-    let training = Training {
-        model: &model,
-        logs: &logs,
-        held_out: &[],
-    };
+    let training = on(&model, &logs);
     let options = options();
     let mut session = Session::<f64>::new(&training, &options).unwrap();
     let (near, none) = session.held_out().unwrap();
@@ -113,11 +117,7 @@ fn a_recording_without_a_window_is_named() {
         .map(|(name, duration)| log(name, 0.02, duration, &model));
     short.runs[0].id = "hop".to_owned();
     let logs = [long, short];
-    let training = Training {
-        model: &model,
-        logs: &logs,
-        held_out: &[],
-    };
+    let training = on(&model, &logs);
     let options = options();
     let session = Session::<f64>::new(&training, &options).unwrap();
     let [warning] = session.recordings.left_out.as_slice() else {
@@ -133,11 +133,7 @@ fn a_recording_without_a_window_is_named() {
 fn what_is_held_out_is_named_where_it_is_too_short() {
     let model = sledge();
     let logs = [log("log.csv", 0.02, 8.0, &model)];
-    let training = Training {
-        model: &model,
-        logs: &logs,
-        held_out: &[],
-    };
+    let training = on(&model, &logs);
     let refused = |horizon: f64| {
         let options = Options {
             horizon,
@@ -150,6 +146,8 @@ fn what_is_held_out_is_named_where_it_is_too_short() {
     assert!(words.contains("fits into the last eighth"), "{words}");
     // The eighth is 1 s long: none of the windows from the beginning on lies in it, and yet one fits.
     assert_eq!(refused(0.9), "");
+    let words = refused(0.0);
+    assert!(words.contains("the length of a window is 0"), "{words}");
 }
 
 #[test]
@@ -157,11 +155,7 @@ fn what_is_held_out_says_little_where_it_rests() {
     let model = sledge();
     let said = |read: &dyn Fn(f64) -> f64| {
         let logs = [log_of("log.csv", 0.02, 40.0, &model, (read, &|_| 0.0))];
-        let training = Training {
-            model: &model,
-            logs: &logs,
-            held_out: &[],
-        };
+        let training = on(&model, &logs);
         let options = options();
         let session = Session::<f64>::new(&training, &options).unwrap();
         session.recordings.rests_in_the_end()
@@ -245,11 +239,7 @@ fn an_angle_that_wraps_is_seen_by_its_cosine_and_sine_alone() {
     let turns = SLEDGE.replace("coordinates", "angles = [\"x\"]\ncoordinates");
     let model = Model::parse("wheel.toml".as_ref(), turns).unwrap();
     let logs = [log("log.csv", 0.02, 20.0, &model)];
-    let training = Training {
-        model: &model,
-        logs: &logs,
-        held_out: &[],
-    };
+    let training = on(&model, &logs);
     let refused = |quantities: &[Quantity]| {
         let options = Options {
             quantities: quantities.to_vec(),
@@ -306,11 +296,7 @@ fn steps_of_training_allocate_nothing() {
     }
     let model = sledge();
     let logs = [log("log.csv", 0.02, 60.0, &model)];
-    let training = Training {
-        model: &model,
-        logs: &logs,
-        held_out: &[],
-    };
+    let training = on(&model, &logs);
     let fitted = Options {
         batch: 100,
         ..options()
@@ -336,11 +322,7 @@ fn steps_of_training_allocate_nothing() {
 fn the_gradient_of_a_batch_does_not_depend_on_the_one_before() {
     let model = sledge();
     let logs = [log("log.csv", 0.02, 40.0, &model)];
-    let training = Training {
-        model: &model,
-        logs: &logs,
-        held_out: &[],
-    };
+    let training = on(&model, &logs);
     let options = options();
     let gradient_after = |before: Option<usize>| {
         let mut session = Session::<f64>::new(&training, &options).unwrap();

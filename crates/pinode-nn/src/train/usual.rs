@@ -111,8 +111,15 @@ mod tests {
             "name = \"seen\"\n[lagrangian]\ncoordinates = {coordinates}\nkinetic = \"{kinetic}\"\npotential = \"{potential}\"\nparameters = {{ m = 1.5, k = 4.0 }}\n{more}"
         );
         let model = Model::parse("seen.toml".as_ref(), text).unwrap();
-        let names = usual_quantities(&model, &Options::new(vec![0]));
         let coordinates = model.mechanics.coordinates();
+        // Alone on all joints it is a black box, which knows no energies.
+        let black_box = Options {
+            alone: true,
+            ..Options::new((0..coordinates.len()).collect())
+        };
+        let all = usual_quantities(&model, &black_box);
+        assert_eq!(all.len(), 2 * coordinates.len());
+        let names = usual_quantities(&model, &Options::new(vec![0]));
         names.iter().map(|q| q.name(coordinates, &[])).collect()
     }
 
