@@ -320,7 +320,7 @@ fn rivals(
 }
 
 /// The confidence in a found effect of a model among its rivals, `reduced` the model without it; what the data do not tell apart counts together.
-fn weigh(
+pub fn weigh(
     study: &Study,
     (added, k): (&[Candidate], usize),
     rivals: &[Contender],

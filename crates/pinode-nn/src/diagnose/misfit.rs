@@ -118,6 +118,15 @@ pub fn is_far_from_expected(gap: &Gap, model: &Hybrid) -> bool {
         && model.effects().iter().all(is_smooth)
 }
 
+/// The share of the errors of free runs that is explained, on a logarithmic scale, down to what the noise and their starts make: 1 where no more is left.
+pub fn explained_of(gap: &Gap) -> f64 {
+    let floor = gap.expected.max(1.0);
+    match gap.after > floor && gap.before > floor {
+        true => ((gap.before / gap.after).ln() / (gap.before / floor).ln()).clamp(0.0, 1.0),
+        false => 1.0,
+    }
+}
+
 /// The share of the misfit of `null` that `model` leaves in its windows: 0 where it leaves what is within its limits.
 pub fn leaves(study: &Study, null: &Fitted, model: &Fitted) -> f64 {
     let (before, after) = (misfit(study, null), misfit(study, model));

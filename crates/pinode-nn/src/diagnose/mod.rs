@@ -19,6 +19,7 @@ mod accept;
 mod advise;
 mod at_rest;
 pub(crate) mod audit;
+mod beside;
 mod blows;
 mod bracket;
 mod candidate;
@@ -34,6 +35,7 @@ mod duals;
 mod elsewhere;
 mod experiment;
 mod found;
+mod fresh_rows;
 mod gap;
 mod half_steps;
 mod horizons;
@@ -43,10 +45,13 @@ mod last_resort;
 mod late_or_slow;
 mod late_rows;
 mod layouts;
+mod leftover;
 mod linear;
 mod locate;
 mod longer;
+mod matched;
 mod misfit;
+mod needed;
 mod nuisance;
 mod numerics;
 pub(crate) mod pace;
@@ -69,6 +74,7 @@ mod setup;
 mod several;
 mod shapes;
 mod shown;
+mod sight;
 mod signals;
 mod simplify;
 pub mod sketch;
@@ -80,6 +86,7 @@ mod step;
 mod step_length;
 mod stops;
 mod study;
+mod taught;
 mod twins;
 mod undoing;
 mod unexplained;
@@ -98,8 +105,9 @@ use self::cleaned::Cleaned;
 use self::conventions::{as_meant, refuse_unmoved};
 use self::curves::Curves;
 use self::elsewhere::elsewhere;
+use self::fresh_rows::fresh;
 use self::kept::Kept;
-use self::last_resort::Resort;
+use self::last_resort::Sitting;
 use self::late_or_slow::late_or_slow;
 use self::late_rows::searched;
 use self::proof::{Proof, Proved};
@@ -202,7 +210,12 @@ pub(crate) fn diagnose_into(
     all.try_for_each(|log| log.check(model))?;
     report("reading the log: noise, outliers, gaps");
     refuse_unmoved(model, logs)?;
-    let meant = as_meant(model, logs, held_out, report)?;
+    let (logs, repeated) = fresh(model, logs);
+    let (held_out, repeated_there) = fresh(model, held_out);
+    let mut meant = as_meant(model, &logs, &held_out, report)?;
+    meant
+        .faults
+        .splice(..0, repeated.into_iter().chain(repeated_there));
     let Searched { ready, mut search } = searched(meant, seed, report, means)?;
     let Ready {
         meant,
@@ -244,21 +257,27 @@ pub(crate) fn diagnose_into(
         masked: &masked,
         file,
     };
-    let (study, mut proved) = proof.shrinking(study, coarse, &mut search, &provenance, report)?;
-    let study = &study;
-    provenance.substeps = study.steps.substeps * study.finer;
+    let (mut study, mut proved) =
+        proof.shrinking(study, coarse, &mut search, &provenance, report)?;
     let at_fault = data_faults.iter().any(audit::contradicts);
     let is_found = !search.found.is_empty();
     let contradicted = match is_found {
         true => {
-            let windows_leave = misfit::leaves(study, &search.null, &search.model);
+            let windows_leave = misfit::leaves(&study, &search.null, &search.model);
             misfit::is_not_all(&proved.gap, windows_leave)
                 || misfit::is_far_from_expected(&proved.gap, &search.model.hybrid)
         }
         false => !at_fault && misfit::is_contradicted(&proved.gap),
     };
     let something_is_left =
-        search.left.is_some() || misfit::is_unexplained(study, &search.model) || contradicted;
+        search.left.is_some() || misfit::is_unexplained(&study, &search.model) || contradicted;
+    if contradicted {
+        // States of its own explain windows of nearly anything; free runs that they leave far off are not what a drive or a friction with a memory leaves.
+        let with_states = |f: &&mut found::Found| f.candidate.kind.states() > 0;
+        for found in search.found.iter_mut().filter(with_states) {
+            found.believe(misfit::explained_of(&proved.gap));
+        }
+    }
     let believed = search
         .found
         .iter()
@@ -273,22 +292,19 @@ pub(crate) fn diagnose_into(
     } else {
         Verdict::NothingMissing
     };
-    let left = something_is_left.then(|| {
-        Resort::of(
-            model,
-            (study, &search),
-            &prepared,
-            (&masked, &names),
-            (interval, &proved.gap),
-            seed,
-        )
-    });
-    let (mut unexplained, resort) = left.flatten().unzip();
-    if let (Some(unexplained), Some(resort)) = (&mut unexplained, &resort) {
+    let mut unexplained = None;
+    if something_is_left {
         report("teaching a network what no effect explains");
-        let found = (study, &mut search);
-        proof.teach(resort, unexplained, found, &provenance, &mut proved)?;
+        let sitting = Sitting {
+            interval,
+            inputs: &names,
+            seed,
+            provenance: &provenance,
+        };
+        (study, unexplained) = proof.teach(study, &mut search, sitting, &mut proved, report)?;
     }
+    provenance.substeps = study.steps.substeps * study.finer;
+    let study = &study;
     proof.add_horizons(study, &mut proved);
     let Proved {
         path,

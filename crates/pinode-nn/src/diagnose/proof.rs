@@ -3,27 +3,19 @@
 use std::path::{Path, PathBuf};
 
 use super::audit::Masked;
-use super::comparison::Comparison;
 use super::curves::FreeRun;
 use super::gap;
-use super::last_resort::{Off, Resort, Taught, WEIGHTS};
 use super::search::Search;
 use super::setup::Prepared;
 use super::study::{Fitted, Study};
-use super::verdict::{Gap, Learnt, Name, Provenance, Unexplained};
+use super::verdict::{Gap, Provenance};
 use super::{HORIZON_S, LEAD_S, horizons, write_up};
 use crate::Error;
-use crate::disk::Together;
-use crate::hybrid::{Hybrid, Placed};
-use crate::learnt::weights;
+use crate::hybrid::Hybrid;
 use crate::model::{Model, NewNetwork};
 
 /// The given constants are taken back where those of a fit make the errors so many times as large.
 const WORSE: f64 = 1.5;
-
-/// A network on all coordinates that are off is the one where free runs err by less than this part of what they err by with one on the worst: how much the windows held out gain by
-/// it a few decide that leave what it was taught.
-const FAR_NEARER: f64 = 0.5;
 
 /// What a new model is proved by.
 pub struct Proof<'a> {
@@ -53,7 +45,7 @@ pub struct Proved {
 
 impl Proof<'_> {
     /// Both models run free over what no fit has seen, each from states that it is fitted to the moment before.
-    fn runs(
+    pub fn runs(
         &self,
         study: &Study,
         (old, new): (&Hybrid, &Hybrid),
@@ -67,7 +59,7 @@ impl Proof<'_> {
     }
 
     /// Writes the model with what was found, reads it back and runs it free: what is measured is what was written.
-    fn write(
+    pub fn write(
         &self,
         (study, search): (&Study, &Search),
         provenance: &Provenance,
@@ -142,121 +134,11 @@ impl Proof<'_> {
         }
     }
 
-    /// Teaches a network what is left and adds it where it shrinks the gap; what came of it is said in `unexplained`. Where there is none on the coordinate that is worst off alone, or others
-    /// are off beside it, one on all of these is asked for.
-    ///
-    /// # Errors
-    /// As [`Model::write_revision`] and [`Model::load`]; [`Error::Io`].
-    pub fn teach(
-        &self,
-        resort: &Resort<'_>,
-        unexplained: &mut Unexplained,
-        (study, search): (&Study, &mut Search),
-        provenance: &Provenance,
-        proved: &mut Proved,
-    ) -> Result<(), Error> {
-        let without = proved.hybrid.clone();
-        let alone = self.taught(
-            resort,
-            &[&resort.own],
-            (study, search),
-            provenance,
-            &without,
-        );
-        let (fitted, gap) = match &alone {
-            Ok((taught, gap)) => (&taught.fitted, gap),
-            Err(_) => (&search.model, &proved.gap),
-        };
-        let off = resort.all_off(fitted, gap);
-        let together = (off.len() > 1)
-            .then(|| {
-                self.taught(resort, &off, (study, search), provenance, &without)
-                    .ok()
-            })
-            .flatten();
-        let best = match (alone, together) {
-            (Ok((one, of_one)), Some((all, of_all))) => {
-                let explains = Comparison::of(&all.fitted, &one.fitted).explains();
-                let is_nearer = |part: f64| of_all.after < part * of_one.after;
-                match (explains && is_nearer(1.0)) || is_nearer(FAR_NEARER) {
-                    true => Ok((all, of_all)),
-                    false => Ok((one, of_one)),
-                }
-            }
-            (Err(_), Some(all)) => Ok(all),
-            (alone, None) => alone,
-        };
-        let (taught, by_network) = match best {
-            Ok(best) => best,
-            Err(why) => {
-                unexplained.sentences.push(why);
-                return Ok(());
-            }
-        };
-        let bytes = weights::to_bytes(&proved.path, &taught.force, &taught.card, false)?;
-        let mut files = Together::new(self.file.0);
-        let name = files.put_beside(WEIGHTS.as_ref(), &bytes)?;
-        files.commit()?;
-        let network = Some(taught.entry(&name, resort.seed));
-        let coordinates = taught.card.joints.iter().map(|j| j.name.clone());
-        let mut laws = taught.laws.into_iter();
-        let learnt = Learnt {
-            weights: name,
-            coordinates: coordinates.collect(),
-            shares_with: self.sharing(&taught.fitted.hybrid, &taught.shared),
-            without: by_network.before,
-            with: by_network.after,
-            law: laws.next().flatten(),
-            more_laws: laws.flatten().collect(),
-        };
-        search.taught = Some(taught.fitted);
-        *proved = self.write((study, search), provenance, network)?;
-        unexplained.sentences.extend(learnt.sentences());
-        unexplained.learnt = Some(learnt);
-        Ok(())
-    }
-
-    /// The effects with any of these entries of θ.
-    fn sharing(&self, hybrid: &Hybrid, shared: &[usize]) -> Vec<Name> {
-        let inputs: Vec<String> = self.model.inputs.iter().map(|i| i.name.clone()).collect();
-        let effects = hybrid.effects().iter().enumerate();
-        let sharing = effects.filter(|(index, _)| {
-            let range = hybrid.range(*index);
-            shared.iter().any(|i| range.contains(i))
-        });
-        let name = |(_, placed): (usize, &Placed)| Name {
-            kind: placed.kind.name.into(),
-            target: hybrid
-                .target_name(placed.kind, placed.target, &inputs)
-                .into(),
-        };
-        sharing.map(name).collect()
-    }
-
-    /// A network that is taught what is left on some coordinates, and the free-run errors of the model `without` it and with it.
-    ///
-    /// # Errors
-    /// In words, where it explains too little or does not shrink them.
-    fn taught(
-        &self,
-        resort: &Resort<'_>,
-        off: &[&Off],
-        (study, search): (&Study, &Search),
-        provenance: &Provenance,
-        without: &Hybrid,
-    ) -> Result<(Taught, Gap), String> {
-        let taught = resort.teach(off, search, provenance)?;
-        let mut with = taught.fitted.hybrid.clone();
-        with.set_theta(&taught.fitted.inside.theta);
-        let compared = self.runs(study, (without, &with), HORIZON_S, true);
-        let gap = gap::gap(study, without, &compared, study.pace.long(HORIZON_S));
-        match shrinks(&gap) {
-            true => Ok((taught, gap)),
-            false => Err(
-                "A small network that was taught it does not shrink the free-run errors on unseen data: it is not added."
-                    .to_owned(),
-            ),
-        }
+    /// How far the model as given and a fitted one are from what was measured.
+    pub fn gap(&self, study: &Study, fitted: &Fitted) -> Gap {
+        let model = fitted.as_fitted();
+        let free_runs = self.runs(study, (&self.given, &model), HORIZON_S, true);
+        gap::gap(study, &self.given, &free_runs, study.pace.long(HORIZON_S))
     }
 
     /// The gap over shorter and longer free runs too.
@@ -282,6 +164,6 @@ fn is_worse(gap: &Gap) -> bool {
 }
 
 /// Whether the errors are smaller afterwards. Windows without one in which both models stay finite count against what was found.
-fn shrinks(gap: &Gap) -> bool {
+pub fn shrinks(gap: &Gap) -> bool {
     gap.windows > 0 && gap.after < gap.before
 }

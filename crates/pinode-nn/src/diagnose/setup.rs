@@ -11,7 +11,7 @@ use super::pace::Pace;
 use super::scales::scales;
 use super::smooth::{Smoothed, smooth};
 use super::step_length::StepLength;
-use super::study::{Fitted, Start, Study};
+use super::study::{Fitted, Study};
 use super::verdict::Excitation;
 use crate::Error;
 use crate::effect::Between;
@@ -100,20 +100,7 @@ pub fn prepare(
         windows,
     };
     let mut study = study.with_steps(steps);
-    let theta = hybrid.theta();
-    let measured = |windows: &[Window]| study.starts(&hybrid, &theta, windows, None);
-    let start = Start {
-        hidden: Vec::new(),
-        inside: measured(&study.windows.fit),
-        outside: measured(&study.windows.held_out),
-        sigma: study
-            .observations
-            .channels
-            .iter()
-            .map(|c| 3.0 * c.noise)
-            .collect(),
-        theta: theta.clone(),
-    };
+    let start = study.measured(&hybrid, hybrid.theta());
     let mut null = study.fit(hybrid, start, 6, 20);
     // The step: fine enough that half of it changes nothing.
     while let Some(shorter) = study.with_shorter_steps(&null, &study.observations.noise()) {

@@ -13,14 +13,13 @@
 use nalgebra::DVector;
 use rayon::prelude::*;
 
-use super::accelerations::{Seen, modelled};
 use super::candidate::Candidate;
+use super::needed::Needed;
 use super::screen::{Column, columns};
 use super::selection::Regression;
 use super::study::{Fitted, Study};
 use crate::effect::{Family, Kind};
 use crate::hybrid::{ConstantId, Hybrid};
-use crate::shooting::ObservedRun;
 
 /// At most so many laws a coordinate.
 const MOST: usize = 4;
@@ -45,8 +44,8 @@ pub struct Several {
 /// two may be one law with more constants.
 pub fn several(study: &Study, current: &Fitted) -> Option<Several> {
     let hybrid = &current.hybrid;
-    let theta = as_said(current);
-    let rows = Rows::of(study);
+    let theta = current.as_said();
+    let rows = Needed::of(study);
     let needed = rows.missing(hybrid, &theta);
     let (mut changes, held) = of_constants(&rows, current, (&theta, &needed));
     let (asked, of_laws) = of_laws(&rows, hybrid, (&theta, &needed));
@@ -70,20 +69,9 @@ pub fn several(study: &Study, current: &Fitted) -> Option<Several> {
     (coordinates().min() != coordinates().max()).then_some(Several { theta, laws })
 }
 
-/// θ as the model says it is; as it was fitted where that says nothing.
-fn as_said(current: &Fitted) -> Vec<f64> {
-    let constants = current.hybrid.constants().iter();
-    let both = constants.zip(&current.inside.theta);
-    both.map(|(constant, &fitted)| match constant.tolerance.is_finite() {
-        true => constant.value,
-        false => fitted,
-    })
-    .collect()
-}
-
 /// What the free constants of the model change, each in units of its tolerance, or of itself, and which of them are held by a tolerance.
 fn of_constants(
-    rows: &Rows,
+    rows: &Needed,
     current: &Fitted,
     (theta, needed): (&[f64], &DVector<f64>),
 ) -> (Vec<DVector<f64>>, Vec<bool>) {
@@ -109,7 +97,7 @@ fn of_constants(
 
 /// The probes of the candidates, and what each changes.
 fn of_laws(
-    rows: &Rows,
+    rows: &Needed,
     hybrid: &Hybrid,
     (theta, needed): (&[f64], &DVector<f64>),
 ) -> (Vec<Column>, Vec<DVector<f64>>) {
@@ -126,54 +114,4 @@ fn of_laws(
 fn shows(change: &DVector<f64>) -> bool {
     let square = change.norm_squared();
     square > 0.0 && square.is_finite()
-}
-
-/// The samples that count, recording by recording.
-struct Rows<'a> {
-    study: &'a Study,
-    runs: Vec<(Seen, Vec<usize>)>,
-}
-
-impl<'a> Rows<'a> {
-    /// Those whose polynomials lie in a seen window, with nothing in them that is not valid.
-    fn of(study: &'a Study) -> Self {
-        let runs = study.observations.runs.iter().enumerate();
-        let of = |(r, run): (usize, &ObservedRun)| {
-            let seen = Seen::of(&run.t, study.pace.half_width());
-            let windows = study.windows.fit.iter().filter(|w| w.run == r);
-            let samples = windows.flat_map(|w| {
-                let inside = (0..w.count).step_by(seen.stride);
-                let inside = inside.filter(|&k| seen.reaches(k, w.count));
-                inside.map(|k| w.first + k).collect::<Vec<_>>()
-            });
-            let is_valid = |&k: &usize| {
-                let mut channels = run.valid.iter();
-                channels.all(|valid| valid[seen.samples(k)].iter().all(|valid| *valid))
-            };
-            let samples = samples.filter(is_valid).collect();
-            (seen, samples)
-        };
-        let runs = runs.map(of).collect();
-        Rows { study, runs }
-    }
-
-    /// v̇ − v̇ of a model at θ, in units of the noise of a smoothed acceleration.
-    fn missing(&self, hybrid: &Hybrid, theta: &[f64]) -> DVector<f64> {
-        let mut all = Vec::new();
-        for (r, (seen, samples)) in self.runs.iter().enumerate() {
-            let (run, smooth) = (&self.study.observations.runs[r], &self.study.smoothed[r]);
-            let modelled = modelled((hybrid, theta), run, smooth);
-            for &k in samples {
-                let model = seen.averaged(&modelled, k).into_iter();
-                let noise = self.study.observations.channels.iter().map(|c| c.noise);
-                let missing = smooth.a.iter().zip(model).map(|(a, model)| a[k] - model);
-                all.extend(
-                    missing
-                        .zip(noise)
-                        .map(|(a, noise)| a / (noise * seen.noise)),
-                );
-            }
-        }
-        DVector::from_vec(all)
-    }
 }

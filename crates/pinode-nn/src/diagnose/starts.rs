@@ -5,7 +5,7 @@
 //! behind.
 
 use super::smooth::polynomial;
-use super::study::Study;
+use super::study::{Start, Study};
 use crate::hybrid::Hybrid;
 use crate::shooting::{Channel, FitOptions, Window, fit, wrap_angle};
 
@@ -13,10 +13,25 @@ use crate::shooting::{Channel, FitOptions, Window, fit, wrap_angle};
 const NEAR_S: f64 = 0.1;
 /// Iterations after which guesses are compared.
 const COMPARING: usize = 4;
+/// Residuals at first, in units of the noise.
+const NOISES: f64 = 3.0;
 /// Samples ahead or behind, with the one at the start.
 const ONE_SIDE: usize = 5;
 
 impl Study {
+    /// A start of a model at θ from what was measured.
+    pub fn measured(&self, hybrid: &Hybrid, theta: Vec<f64>) -> Start {
+        let states = |windows: &[Window]| self.starts(hybrid, &theta, windows, None);
+        let noises = self.observations.channels.iter().map(|c| c.noise);
+        Start {
+            hidden: Vec::new(),
+            inside: states(&self.windows.fit),
+            outside: states(&self.windows.held_out),
+            sigma: noises.map(|noise| NOISES * noise).collect(),
+            theta,
+        }
+    }
+
     /// States (q, v) at the start of windows for a model at θ, none of them in a stop: those `known`, which may have more to them, or else the measured ones; where
     /// a blow may be near, those of all these that explain their window best.
     pub fn starts(

@@ -111,6 +111,24 @@ impl Fitted {
         }
     }
 
+    /// θ as the model says it is; as it was fitted where that says nothing.
+    pub fn as_said(&self) -> Vec<f64> {
+        let constants = self.hybrid.constants().iter();
+        let both = constants.zip(&self.inside.theta);
+        both.map(|(constant, &fitted)| match constant.tolerance.is_finite() {
+            true => constant.value,
+            false => fitted,
+        })
+        .collect()
+    }
+
+    /// The model with θ as it was fitted.
+    pub fn as_fitted(&self) -> Hybrid {
+        let mut hybrid = self.hybrid.clone();
+        hybrid.set_theta(&self.inside.theta);
+        hybrid
+    }
+
     /// Σ l_w over the seen windows less what the fit stretches the tolerances, less 4 k ln n for `k` more constants than the model
     /// compared with.
     pub fn score(&self, more: usize) -> f64 {
@@ -218,6 +236,26 @@ impl Study {
         let windows = self.windows.fit.iter().step_by(share).cloned();
         let states = fitted.inside.states.iter().step_by(share).cloned();
         self.over(fitted, windows.collect(), states.collect())
+    }
+
+    /// One in so many of the seen windows and of those held out, and a fitted model there.
+    pub fn some_of_both(&self, fitted: &Fitted, share: usize) -> (Study, Fitted) {
+        let (mut study, mut there) = self.some_windows(fitted, share);
+        study.windows.held_out = self
+            .windows
+            .held_out
+            .iter()
+            .step_by(share)
+            .cloned()
+            .collect();
+        there.outside.states = fitted
+            .outside
+            .states
+            .iter()
+            .step_by(share)
+            .cloned()
+            .collect();
+        (study, there)
     }
 
     /// The windows held out as if they were the seen ones, and a fitted model there.

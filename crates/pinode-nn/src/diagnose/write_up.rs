@@ -210,6 +210,22 @@ pub fn name(candidate: &Candidate, hybrid: &Hybrid, inputs: &[String]) -> Name {
     }
 }
 
+/// The effects with any of these entries of θ.
+pub fn with_entries(hybrid: &Hybrid, entries: &[usize], inputs: &[String]) -> Vec<Name> {
+    let effects = hybrid.effects().iter().enumerate();
+    let having = effects.filter(|(index, _)| {
+        let range = hybrid.range(*index);
+        entries.iter().any(|i| range.contains(i))
+    });
+    let name = |(_, placed): (usize, &Placed)| Name {
+        kind: placed.kind.name.into(),
+        target: hybrid
+            .target_name(placed.kind, placed.target, inputs)
+            .into(),
+    };
+    having.map(name).collect()
+}
+
 fn evidence(comparison: &Comparison) -> Evidence {
     Evidence {
         z_fit: comparison.inside.z_in_reach(),

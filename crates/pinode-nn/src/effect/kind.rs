@@ -204,6 +204,19 @@ impl Kind {
         self.memory().map_or(0, MemoryForce::states)
     }
 
+    /// Whether what it does follows from what was, and not from the state and the inputs of the moment alone.
+    pub fn remembers(&self) -> bool {
+        match self.action {
+            Action::Memory(_) | Action::Transmission(_) => true,
+            Action::Sensor(distortion) => distortion == Distortion::Delay,
+            Action::Drive(law) => {
+                let neutral: Vec<f64> = self.parameters.iter().map(|p| p.neutral).collect();
+                law.remembers() || law.delay(&neutral).is_some()
+            }
+            Action::Joint(_) | Action::Inertial(_) => false,
+        }
+    }
+
     /// Whether fits have to start from its probes themselves: it is far from linear in its parameters, as what has a memory and what cuts an
     /// input off are.
     pub fn starts_at_probes(&self) -> bool {

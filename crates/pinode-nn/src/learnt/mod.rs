@@ -9,6 +9,7 @@ mod interval;
 pub mod law;
 pub mod onnx;
 mod region;
+mod usual;
 pub mod weights;
 
 pub use described::Described;
@@ -20,4 +21,5 @@ pub(crate) use guard::Tally;
 pub use guard::{Departure, Guard, Saw};
 pub(crate) use interval::other_intervals;
 pub use region::{MARGIN, Outside, Region};
+pub(crate) use usual::usual_quantities;
 pub use weights::{Card, Names, Stored};

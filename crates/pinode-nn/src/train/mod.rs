@@ -40,7 +40,6 @@ mod states;
 mod tangents;
 #[cfg(test)]
 mod tests;
-mod usual;
 mod windows;
 
 use std::path::{Path, PathBuf};
@@ -51,7 +50,6 @@ use rand_chacha::ChaCha8Rng;
 use adjoint::Learner;
 use data::Recordings;
 use options::{check, check_size};
-use usual::usual_quantities;
 
 pub use baseline::{Fitted, fit_physics};
 pub use ensemble::{band_of, weights_name, write_ensemble};
@@ -62,7 +60,7 @@ pub use session::{Epoch, Session};
 use crate::Error;
 use crate::hybrid::{ConstantId, Hybrid};
 use crate::learnt::law::Law;
-use crate::learnt::{Card, LearntForce, Names, Quantity};
+use crate::learnt::{Card, LearntForce, Names, Quantity, usual_quantities};
 use crate::log::{Log, refuse_twice};
 use crate::model::{Model, Revision};
 use crate::network::{Activation, Mlp, Real, Shape};
@@ -180,7 +178,7 @@ impl<'a, T: Real> Session<'a, T> {
         check(training.model, options)?;
         let model = training.model;
         let quantities = match options.quantities.is_empty() {
-            true => usual_quantities(model, options),
+            true => usual_quantities(model, options.is_black_box(model)),
             false => options.quantities.clone(),
         };
         let mut sizes = vec![quantities.len()];

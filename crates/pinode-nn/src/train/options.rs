@@ -86,6 +86,11 @@ impl Options {
         }
     }
 
+    /// Whether nothing but the network acts on any joint.
+    pub(super) fn is_black_box(&self, model: &Model) -> bool {
+        self.alone && self.joints.len() == model.mechanics.coordinates().len()
+    }
+
     /// The paper's: one step from the measured state, λ₁ = λ₂ = 1, the network alone on its joints, Adam with 10⁻³ (Roehrl et al. 2020).
     pub fn paper(joints: Vec<usize>) -> Self {
         Options {

@@ -9,6 +9,7 @@ mod coupled;
 mod drives;
 mod duals;
 mod exact;
+mod hidden;
 mod inertias;
 mod known;
 mod late_or_slow;

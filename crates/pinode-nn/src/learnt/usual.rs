@@ -2,9 +2,8 @@
 
 use nalgebra::DMatrix;
 
-use super::Options;
+use super::Quantity;
 use crate::effect::{Family, Kind};
-use crate::learnt::Quantity;
 use crate::model::{Model, Target};
 
 /// Slopes of energies are taken at so many places, by differences over twice this, and are none below this part of the energy a metre.
@@ -12,10 +11,9 @@ const PLACES: usize = 4;
 const ASIDE: f64 = 1e-4;
 const LEVEL: f64 = 1e-5;
 
-/// Cosine and sine of every angle that wraps, other angles, the [places](places), or all displacements where the network is all there is, all velocities and all inputs.
-pub(super) fn usual_quantities(model: &Model, options: &Options) -> Vec<Quantity> {
+/// Cosine and sine of every angle that wraps, other angles, the [places](places), or all displacements where the network `is_all` there is, all velocities and all inputs.
+pub fn usual_quantities(model: &Model, is_all: bool) -> Vec<Quantity> {
     let coordinates = model.mechanics.coordinates();
-    let is_all = options.alone && options.joints.len() == coordinates.len();
     let places = places(model);
     let mut quantities = Vec::new();
     for (c, coordinate) in coordinates.iter().enumerate() {
@@ -113,13 +111,9 @@ mod tests {
         let model = Model::parse("seen.toml".as_ref(), text).unwrap();
         let coordinates = model.mechanics.coordinates();
         // Alone on all joints it is a black box, which knows no energies.
-        let black_box = Options {
-            alone: true,
-            ..Options::new((0..coordinates.len()).collect())
-        };
-        let all = usual_quantities(&model, &black_box);
+        let all = usual_quantities(&model, true);
         assert_eq!(all.len(), 2 * coordinates.len());
-        let names = usual_quantities(&model, &Options::new(vec![0]));
+        let names = usual_quantities(&model, false);
         names.iter().map(|q| q.name(coordinates, &[])).collect()
     }
 
