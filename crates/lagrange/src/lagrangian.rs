@@ -7,6 +7,9 @@ use crate::mechanism::Tree;
 ///
 /// L = T − V, and its equations of motion are d/dt(∂L/∂v) − ∂L/∂q = Q, that is M(q) v̇ + C(q, v) v + G(q) = Q.
 ///
+/// T and V are functions of q and v alone, and give the same for the same: they are recorded once, when the mechanism is made, and what else they read, as a time or a state of
+/// their own, stays as it was then. What changes meanwhile is a force in Q. They read as many entries of q and v as [`dof`](Self::dof) says.
+///
 /// ```
 /// use lagrange::{Lagrangian, Scalar};
 ///

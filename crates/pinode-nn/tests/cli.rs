@@ -353,6 +353,49 @@ fn a_horizon_longer_than_the_log_is_refused() {
     );
 }
 
+/// A column of torques is all that a new mechanism has to be driven by.
+#[test]
+fn inputs_alone_drive_a_mechanism_from_a_given_state() {
+    let (dir, model) = file(
+        "wheel.toml",
+        "name = \"wheel\"\n[lagrangian]\ncoordinates = [\"turn\"]\nkinetic = \"turn_dot^2\"\npotential = \"0\"\n[[input]]\nname = \"motor\"\njoint = \"turn\"\n",
+    );
+    let [log, out] = ["u.csv", "out.csv"].map(|name| dir.path().join(name).display().to_string());
+    std::fs::write(&log, "t,u.motor\n0,4\n0.5,-2\n1,0\n").unwrap();
+    let simulate = [
+        "simulate",
+        &model,
+        "--log",
+        &log,
+        "--initial",
+        "0.25,1",
+        "--out",
+        &out,
+    ];
+    let output = pinode(&simulate);
+    assert!(output.status.success(), "{}", stderr(&output));
+    // 2 kg·m² under 4 N·m for half a second and −2 N·m for another.
+    let text = std::fs::read_to_string(&out).unwrap();
+    let last: Vec<f64> = text
+        .lines()
+        .last()
+        .unwrap()
+        .split(',')
+        .take(3)
+        .map(|x| x.parse().unwrap())
+        .collect();
+    let turn = 0.25 + 1.0 + 0.5 * 2.0 * 0.25 + 0.5 - 0.5 * 0.25;
+    for (x, expected) in last.iter().zip([1.0, turn, 1.5]) {
+        assert!((x - expected).abs() < 1e-9, "{text}");
+    }
+    let without = pinode(&["simulate", &model, "--log", &log, "--out", &out]);
+    assert!(
+        stderr(&without).contains("`q.turn` is missing"),
+        "{}",
+        stderr(&without)
+    );
+}
+
 /// Reference dynamics, `<robot>.urdf` with `<robot>.json` and `closed_<name>.json`: in the folder that PINODE_ORACLES names, or
 /// beside the repository.
 fn oracles() -> Option<PathBuf> {

@@ -6,6 +6,8 @@ use super::{Binary, CONSTANTS, ExpressionError, FUNCTIONS, Function, nearest};
 
 /// Parentheses, signs and powers may stand in one another this deep.
 const MAX_NESTING: usize = 200;
+/// What people call the time.
+const TIME: [&str; 2] = ["t", "time"];
 /// After so many unknown names the rest of the text is not read.
 const MAX_ERRORS: usize = 20;
 
@@ -233,6 +235,7 @@ impl<'a> Parser<'a, '_> {
         }
         self.unknown.push(name);
         let cure = match nearest(name, known.clone()) {
+            _ if TIME.contains(&name) => "energies do not depend on time: what is driven by a motion that is prescribed is no coordinate with an energy yet".to_owned(),
             Some(near) => format!("did you mean `{near}`?"),
             None => {
                 let list: Vec<&str> = known.take(30).collect();

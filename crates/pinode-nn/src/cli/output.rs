@@ -128,9 +128,13 @@ impl Output {
     /// # Errors
     /// Those of [`Log::read`].
     pub fn read_log(&self, path: &Path, model: &Model) -> Result<Log, Error> {
-        let log = Log::read(path, model)?;
+        Ok(self.told(Log::read(path, model)?))
+    }
+
+    /// A log, whose warnings are told.
+    pub fn told(&self, log: Log) -> Log {
         self.warn(&log, 0);
-        Ok(log)
+        log
     }
 
     /// Reads logs to fit and logs to hold out, and tells their warnings. Poses are written by angles, in the model too.

@@ -23,7 +23,7 @@ use crate::free_run::{
 };
 use crate::hybrid::Hybrid;
 use crate::learnt::{Guard, other_intervals};
-use crate::log::Run;
+use crate::log::{Log, Run};
 use crate::model::Model;
 use crate::poses::{Upright, measured_state};
 
@@ -38,7 +38,7 @@ const TOLERANCE: f64 = 1e-6;
 pub(super) struct Arguments {
     /// The model, a TOML file
     model: PathBuf,
-    /// Take times, inputs and initial state of every run from this log
+    /// Take times, inputs and initial state of every run from this log; with --initial it needs no more than `t` and the inputs
     #[arg(long)]
     log: Option<PathBuf>,
     /// Length, s [default: the log's; 10 without a log]
@@ -103,6 +103,8 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
         None => None,
     };
     let runs = match &arguments.log {
+        // From a given state, the inputs are all that it takes of a log.
+        Some(path) if given.is_some() => output.told(Log::read_inputs(path, &model)?).runs,
         Some(path) => output.read_log(path, &model)?.runs,
         None => vec![still_run(&model, arguments)?],
     };

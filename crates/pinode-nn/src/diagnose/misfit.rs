@@ -199,6 +199,32 @@ mod tests {
         assert!(is_not_all(&unstable(24.5, f64::NAN), 0.5));
     }
 
+    /// What is expected is 2.
+    #[test]
+    fn the_share_of_free_runs_that_is_explained_is_that_of_orders_of_magnitude() {
+        for (before, after, share) in [
+            (200.0, 20.0, 0.5),
+            (200.0, 2.0, 1.0),
+            (200.0, 1.5, 1.0),
+            (200.0, 200.0, 0.0),
+            (200.0, 300.0, 0.0),
+        ] {
+            let explained = explained_of(&gap(before, after));
+            assert!(
+                (explained - share).abs() < 1e-12,
+                "{before} {after} {explained}"
+            );
+        }
+        let unknown = Gap {
+            expected: f64::NAN,
+            ..gap(100.0, 10.0)
+        };
+        assert!(
+            (explained_of(&unknown) - 0.5).abs() < 1e-12,
+            "down to the noise"
+        );
+    }
+
     #[test]
     fn free_runs_far_from_expected_say_that_something_is_left_where_nothing_sticks() {
         let (_dir, Prepared { null, .. }) = prepared(0.0);

@@ -238,4 +238,30 @@ mod tests {
             assert_eq!(itself, Some(expected), "{name} {p:?}");
         }
     }
+
+    #[test]
+    fn what_comes_late_or_has_a_memory_follows_from_what_was() {
+        let remembers = |name: &str| find(name).map(super::super::Kind::remembers);
+        let late = [
+            "input_delay",
+            "actuator_lag",
+            "backlash",
+            "elastic_transmission",
+            "sensor_delay",
+            "dahl_friction",
+            "hysteresis",
+        ];
+        for name in late {
+            assert_eq!(remembers(name), Some(true), "{name}");
+        }
+        for name in [
+            "coulomb_friction",
+            "input_gain_error",
+            "input_dead_zone",
+            "sensor_scale",
+            "added_mass",
+        ] {
+            assert_eq!(remembers(name), Some(false), "{name}");
+        }
+    }
 }

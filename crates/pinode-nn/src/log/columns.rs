@@ -165,6 +165,8 @@ pub(super) fn resolve(
         .zip(&used)
         .filter(|(_, used)| !**used)
         .map(|(name, _)| *name)
+        // Where inputs alone are asked for, nobody misses the rest.
+        .filter(|name| !channels.coordinates.is_empty() || name.starts_with("u."))
         .collect();
     for (signal, column) in missing {
         let spelled = if signal == column {

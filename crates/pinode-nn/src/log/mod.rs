@@ -163,6 +163,19 @@ impl Log {
         }
     }
 
+    /// Reads the times and the inputs of `model` at `path`, whatever else stands there: what a roll-out from a given state needs.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn read_inputs(path: &Path, model: &Model) -> Result<Log, Error> {
+        let (_, inputs) = read_for(model);
+        let channels = Channels {
+            coordinates: &[],
+            ..channels(model, &[], &inputs)
+        };
+        Log::read_channels(path, &channels)
+    }
+
     /// Reads the log at `path` without a model.
     ///
     /// # Errors

@@ -11,6 +11,8 @@ use crate::Error;
 use crate::entries::starts;
 use crate::naming::quoted;
 
+/// So many samples a recording has at least of which the inputs alone are read.
+const FEWEST_INPUTS: usize = 2;
 /// More problems than these are only counted.
 const MOST_PROBLEMS: usize = 20;
 
@@ -285,7 +287,11 @@ impl<'a> Rows<'a> {
                     quoted(&mapping.column)
                 )));
             }
-            let mut runs = long_enough(runs, &mut warnings, &mut found);
+            let fewest = match channels.coordinates {
+                [] => FEWEST_INPUTS,
+                _ => FEWEST_SAMPLES,
+            };
+            let mut runs = long_enough(runs, fewest, &mut warnings, &mut found);
             for (i, name) in channels.inputs.iter().enumerate() {
                 let rows_late = channels.columns.of(&format!("u.{name}")).rows_late;
                 runs.iter_mut()
@@ -332,23 +338,26 @@ fn id_of(cell: Cell) -> Cow<str> {
     }
 }
 
-/// The runs that are not too short.
-fn long_enough(runs: Vec<Run>, warnings: &mut Vec<Problem>, found: &mut Found) -> Vec<Run> {
+/// The runs that are not too short, with `fewest` samples.
+fn long_enough(
+    runs: Vec<Run>,
+    fewest: usize,
+    warnings: &mut Vec<Problem>,
+    found: &mut Found,
+) -> Vec<Run> {
     let longest = runs.iter().map(Run::len).max().unwrap_or(0);
-    if longest < FEWEST_SAMPLES {
+    if longest < fewest {
         found.push(|| {
             Problem::general(format!(
-                "too short: {longest} samples in the longest run, at least {FEWEST_SAMPLES} are needed"
+                "too short: {longest} samples in the longest run, at least {fewest} are needed"
             ))
         });
         return runs;
     }
-    let (long, short): (Vec<Run>, Vec<Run>) = runs
-        .into_iter()
-        .partition(|run| run.len() >= FEWEST_SAMPLES);
+    let (long, short): (Vec<Run>, Vec<Run>) = runs.into_iter().partition(|run| run.len() >= fewest);
     if let Some(first) = short.first() {
         warnings.push(Problem::general(format!(
-            "{} runs left out because they have fewer than {FEWEST_SAMPLES} samples, the first is {}",
+            "{} runs left out because they have fewer than {fewest} samples, the first is {}",
             short.len(),
             quoted(&first.id)
         )));
