@@ -64,6 +64,9 @@ pub fn with_name(study: &Study, search: &Search, name: &Contender) -> Option<Sea
     let model = study.fit(hybrid, given.start(theta), STATES_ALONE, 0);
     let mut search = search.clone();
     drop(search.refitted(study, model));
+    // It may contain one of them.
+    let Search { found, model, .. } = &mut search;
+    found.retain(|f| position(model, &f.candidate).is_some());
     Some(search)
 }
 
@@ -92,7 +95,7 @@ pub fn found_beside(
     base: &Fitted,
     before: &Fitted,
 ) -> Option<Found> {
-    let best = contenders.first()?;
+    let best = contenders.iter().find(|c| c.is_acceptable())?;
     let mut found = weigh(study, (&best.added, 0), contenders, (&best.fitted, before));
     let left = best.fitted.left(study);
     found.believe(explained(study, base, &best.fitted).min(found.share_beside(left)));

@@ -16,6 +16,7 @@ use super::step::{LEAST_T2, Report, Step, is_second_choice, lookalikes};
 use super::study::{Fitted, Study};
 use super::twins::twins_of;
 use super::unseen_spring::UnseenSpring;
+use super::verdict::{DOUBTFUL, EVEN};
 use crate::hybrid::{Hybrid, Placed};
 
 /// So many draws cannot promise more.
@@ -49,6 +50,15 @@ pub struct Found {
 }
 
 impl Found {
+    /// Whether anybody would believe in it: states of its own explain nearly anything, and are to be likely.
+    pub fn is_believed(&self) -> bool {
+        let least = match self.candidate.kind.states() {
+            0 => DOUBTFUL,
+            _ => EVEN,
+        };
+        self.confidence >= least
+    }
+
     /// The share of what it explains in that and what is left: a law that is missing may be what it stands in for.
     pub fn share_beside(&self, left: Option<&Remainder>) -> f64 {
         let own = self.comparison.total().max(0.0);

@@ -19,8 +19,8 @@ const FEWEST: usize = 100;
 const FARTHEST: usize = 100;
 /// Of them so large a part is two rows apart or more …
 const APART: f64 = 0.99;
-/// … and so large a part as far as is usual, or one row more or less; at rest some of them are missing, and it is a whole number of times as far.
-const REGULAR: f64 = 0.95;
+/// … and so large a part as far as is usual, or one row more or less: at rest some are farther.
+const REGULAR: f64 = 0.8;
 /// Where so large a part of the steps are as small as the least, it is an encoder that moves slowly.
 const SINGLE_STEPS: f64 = 0.5;
 
@@ -60,7 +60,7 @@ fn faults(model: &Model, logs: &[Log], new: &[Option<Vec<usize>>]) -> Vec<DataFa
         let (run, rows, is_left_out) = repeating.next()?;
         let so = match is_left_out {
             true => {
-                "they are left out here, and between two readings the inputs count by their mean"
+                "they are left out here, and between two readings inputs that are held count by their mean"
             }
             false => {
                 "other columns do not, and all rows are taken as they stand: what looks like a delay of this sensor is half the time between two readings or so"
@@ -97,26 +97,25 @@ fn new_rows(columns: &[&Vec<f64>]) -> Option<Vec<usize>> {
         let such = gaps.iter().filter(|gap| of(**gap));
         such.count() as f64 / gaps.len() as f64
     };
-    let is_multiple = |gap: usize| {
-        let times = (gap as f64 / usual as f64).round().max(1.0);
-        (gap as f64 - times * usual as f64).abs() <= 1.0
-    };
     let is_regular = (2..=FARTHEST).contains(&usual)
         && share(&|gap| gap >= 2) >= APART
-        && share(&is_multiple) >= REGULAR;
+        && share(&|gap| gap.abs_diff(usual) <= 1) >= REGULAR;
     let is_slow = columns.iter().all(|y| goes_by_single_steps(y, &changes));
     if !is_regular || is_slow {
         return None;
     }
-    let mut rows: Vec<usize> = Vec::with_capacity(changes.len());
-    for &k in &changes {
-        // A reading that is as the one before was read all the same.
+    // A reading that is as the one before was read all the same, and so were those before the first and behind the last.
+    let first = changes.first().map_or(0, |first| first % usual);
+    let mut rows = vec![first];
+    for &k in changes.iter().chain([&count]) {
         while let Some(&last) = rows.last()
-            && k - last > usual + 1
+            && k > last + usual + usize::from(k < count)
         {
             rows.push(last + usual);
         }
-        rows.push(k);
+        if k < count && rows.last() != Some(&k) {
+            rows.push(k);
+        }
     }
     Some(rows)
 }
@@ -177,14 +176,29 @@ mod tests {
         let third = new_rows(&[&swing(0.0, |k| k / 3 * 3)]);
         assert_eq!(
             third.as_deref().map(|rows| &rows[..3]),
-            Some(&[3, 6, 9][..])
+            Some(&[0, 3, 6][..])
         );
         let encoder = new_rows(&[&swing(1e-3, |k| k / 3 * 3)]);
         assert!(encoder.is_some_and(|rows| rows.iter().all(|k| k % 3 == 0)));
         // 60 Hz in a log at 200: three rows or four.
         let sixty = |k: usize| ((k as f64 * 0.3).floor() / 0.3).ceil() as usize;
         let rows = new_rows(&[&swing(0.0, sixty)]).unwrap_or_default();
-        assert!((895..=900).contains(&rows.len()), "{}", rows.len());
+        assert!((895..=901).contains(&rows.len()), "{}", rows.len());
+    }
+
+    /// At rest before and behind, which is where friction holds.
+    #[test]
+    fn rests_at_both_ends_stay() {
+        let moves = swing(1e-3, |k| k / 3 * 3);
+        let resting: Vec<f64> = [
+            vec![0.0; 300],
+            moves[..1500].to_vec(),
+            vec![moves[1499]; 301],
+        ]
+        .concat();
+        let rows = new_rows(&[&resting]).unwrap_or_default();
+        assert_eq!((rows.first(), rows.last()), (Some(&0), Some(&2100)));
+        assert_eq!(rows.len(), 701);
     }
 
     #[test]

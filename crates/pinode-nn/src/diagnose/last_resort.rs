@@ -2,7 +2,7 @@
 //!
 //! Where others are off beside one on the worst coordinate, or it explains nothing, one network with a force on each of them is asked for. It is added where it explains the
 //! windows better, pair by pair, both those that the fit saw and those held out, and shrinks the gap of free runs: pushes from outside can be learnt, but say nothing of later
-//! ones. Where nobody believes in what was found, it is taught without that as well, for stand-ins distort what is left; and what is hidden by the law that it has learnt is
+//! ones. Where nobody believes in what was found, it is taught without that, for stand-ins distort what is left, and that is taken back where free runs come far nearer so; and what is hidden by the law that it has learnt is
 //! asked for [beside it](super::beside).
 
 use std::mem::take;
@@ -10,6 +10,7 @@ use std::mem::take;
 use super::beside::{found_beside, names_beside, weighed, with_name};
 use super::candidate::Candidate;
 use super::comparison::Comparison;
+use super::found::Found;
 use super::leftover::{Leftover, Off};
 use super::proof::{Proof, Proved, shrinks};
 use super::refine::Contender;
@@ -18,7 +19,7 @@ use super::sight::Sight;
 use super::step::Report;
 use super::study::{Fitted, Study};
 use super::taught::Taught;
-use super::verdict::{DOUBTFUL, EVEN, Gap, Learnt, Provenance, Unexplained};
+use super::verdict::{Gap, Learnt, Provenance, Unexplained};
 use super::write_up;
 use super::{HORIZON_S, gap};
 use crate::Error;
@@ -33,7 +34,7 @@ const FAR_NEARER: f64 = 0.5;
 /// At most so many names are found beside a network.
 const BESIDE: usize = 2;
 
-/// What it needs to know of the logs.
+/// What it needs to know of the logs and of the diagnosis.
 #[derive(Clone, Copy)]
 pub struct Sitting<'a> {
     /// Typical time between two samples of the logs, s.
@@ -52,6 +53,8 @@ struct Lesson {
     search: Search,
     /// What is left without it, in words.
     words: Unexplained,
+    /// Whether what was found before is taken back.
+    is_withdrawn: bool,
     /// The network, and how far free runs are off without it and with it; or why there is none.
     outcome: Result<(Taught, Gap), String>,
 }
@@ -61,6 +64,12 @@ impl Lesson {
     fn after(&self) -> f64 {
         let gap = self.outcome.as_ref().map(|(_, gap)| gap.after);
         gap.unwrap_or(f64::INFINITY)
+    }
+
+    /// Whether free runs are less far off, over no fewer windows.
+    fn is_nearer(&self, other: &Lesson) -> bool {
+        let windows = |lesson: &Lesson| lesson.outcome.as_ref().map_or(0, |(_, gap)| gap.windows);
+        self.after() < other.after() && windows(self) >= windows(other)
     }
 }
 
@@ -89,11 +98,12 @@ impl Proof<'_> {
     ) -> Result<(Study, Option<Unexplained>), Error> {
         // They are the most of it.
         let mut steps = take(&mut search.steps);
-        let found = search.found.len();
-        let lesson = self.best_lesson(&study, search, sitting, report);
+        let lesson = self.best_lesson(&study, search, (proved.gap.after, sitting), report);
+        let mut is_withdrawn = false;
         let (study, words) = match lesson {
             None => (study, None),
             Some(lesson) => {
+                is_withdrawn = lesson.is_withdrawn;
                 *search = lesson.search;
                 let mut words = lesson.words;
                 match lesson.outcome {
@@ -108,7 +118,7 @@ impl Proof<'_> {
                 (lesson.study, Some(words))
             }
         };
-        if search.found.len() < found {
+        if is_withdrawn {
             for step in &mut steps {
                 step.accepted = None;
             }
@@ -117,30 +127,28 @@ impl Proof<'_> {
         Ok((study, words))
     }
 
-    /// The lesson beside what was found; where nobody believes in that, the one without it if there is any.
+    /// The lesson beside what was found, with which free runs are off by `found`; where nobody believes in that, the one without it if these are far nearer then.
     fn best_lesson(
         &self,
         study: &Study,
         search: &Search,
-        sitting: Sitting<'_>,
+        (found, sitting): (f64, Sitting<'_>),
         report: Report,
     ) -> Option<Lesson> {
-        // States of its own explain nearly anything.
-        let is_believed = search.found.iter().any(|f| {
-            let least = match f.candidate.kind.states() {
-                0 => DOUBTFUL,
-                _ => EVEN,
-            };
-            f.confidence >= least
-        });
-        if !is_believed && !search.found.is_empty() {
+        if !search.found.is_empty() && !search.found.iter().any(Found::is_believed) {
             let study = &self.prepared.study;
             let mut bare = search.clone();
             bare.withdraw(study);
             let bare = self.lesson(study, bare, sitting);
-            if let Some(bare) = bare.filter(|bare| bare.outcome.is_ok()) {
-                report("taught without what nobody believes in");
-                return Some(self.with_what_it_hid(bare, sitting, report));
+            let bare = bare.map(|bare| self.with_what_it_hid(bare, sitting, report));
+            if let Some(bare) = bare.filter(|bare| bare.after() < FAR_NEARER * found) {
+                report(
+                    "what nobody believes in is taken back: the network does far better without it",
+                );
+                return Some(Lesson {
+                    is_withdrawn: true,
+                    ..bare
+                });
             }
         }
         let usual = self.lesson(study, search.clone(), sitting)?;
@@ -150,10 +158,18 @@ impl Proof<'_> {
     /// The lesson with what is found beside its network, taught anew.
     fn with_what_it_hid(&self, mut best: Lesson, sitting: Sitting<'_>, report: Report) -> Lesson {
         for _ in 0..BESIDE {
-            match self.with_a_name(&best, sitting, report) {
-                Some(more) if more.after() < best.after() => best = more,
-                _ => break,
+            let more = self.with_a_name(&best, sitting, report);
+            let Some(more) = more.filter(|more| more.is_nearer(&best)) else {
+                break;
+            };
+            if let Some(found) = more.search.found.last() {
+                let (name, compared) = (found.candidate.kind.name, &found.comparison);
+                report(&format!(
+                    "accepted beside the network: {name} (z {:.1}, held out {:.1})",
+                    compared.inside.z, compared.outside.z
+                ));
             }
+            best = more;
         }
         best
     }
@@ -178,10 +194,6 @@ impl Proof<'_> {
             .iter()
             .position(|(name, _)| *name == found.candidate)?;
         let (_, mut lesson) = lessons.swap_remove(own);
-        report(&format!(
-            "accepted beside the network: {} (z {:.1}, held out {:.1})",
-            found.candidate.kind.name, found.comparison.inside.z, found.comparison.outside.z
-        ));
         lesson.search.found.push(found);
         Some(lesson)
     }
@@ -210,17 +222,27 @@ impl Proof<'_> {
                 Sight::Followed => off.len() > 1,
                 Sight::All => off.len() > acts_on,
             };
-            if is_worth && let Ok(more) = taught(&off, sight) {
+            if !is_worth {
+                continue;
+            }
+            let before = outcome.as_ref().map_or(f64::NAN, |(_, gap)| gap.after);
+            if let Ok(more) = taught(&off, sight) {
                 outcome = Ok(match outcome {
                     Ok(before) => better(before, more),
                     Err(_) => more,
                 });
+            }
+            let after = outcome.as_ref().map_or(f64::NAN, |(_, gap)| gap.after);
+            // The same would come of the same.
+            if sight == Sight::All && before.to_bits() == after.to_bits() {
+                break;
             }
         }
         Some(Lesson {
             study: study.clone(),
             search,
             words,
+            is_withdrawn: false,
             outcome,
         })
     }

@@ -46,6 +46,9 @@ pub fn searched<'a>(
     means: &Means,
 ) -> Result<Searched<'a>, Error> {
     let ready = Ready::new(meant, report, means)?;
+    if ready.meant.is_thinned {
+        return Ok(ready.searched(seed, report));
+    }
     let again = |late: Option<Late>, ready: &Ready<'a>| {
         late.and_then(|late| late.searched(ready, seed, report, means))
     };

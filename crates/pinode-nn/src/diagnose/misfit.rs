@@ -121,9 +121,17 @@ pub fn is_far_from_expected(gap: &Gap, model: &Hybrid) -> bool {
 /// The share of the errors of free runs that is explained, on a logarithmic scale, down to what the noise and their starts make: 1 where no more is left.
 pub fn explained_of(gap: &Gap) -> f64 {
     let floor = gap.expected.max(1.0);
-    match gap.after > floor && gap.before > floor {
-        true => ((gap.before / gap.after).ln() / (gap.before / floor).ln()).clamp(0.0, 1.0),
-        false => 1.0,
+    share_explained(gap.before / floor, gap.after / floor)
+}
+
+/// The share of ln `before` that `after` is less by: 1 where no more than 1 is left.
+fn share_explained(before: f64, after: f64) -> f64 {
+    if after <= 1.0 {
+        1.0
+    } else if after < before {
+        (before / after).ln() / before.ln()
+    } else {
+        0.0
     }
 }
 
@@ -139,14 +147,7 @@ pub fn leaves(study: &Study, null: &Fitted, model: &Fitted) -> f64 {
 /// The share of the misfit of `null` that `model` explains, on a logarithmic scale: 1 where what is left does not exceed
 /// its limits, 0 where nothing is explained. A name for a small part of a large misfit may stand in for what is really missing.
 pub fn explained(study: &Study, null: &Fitted, model: &Fitted) -> f64 {
-    let (before, after) = (misfit(study, null), misfit(study, model));
-    if after <= 1.0 {
-        1.0
-    } else if after < before {
-        (before / after).ln() / before.ln()
-    } else {
-        0.0
-    }
+    share_explained(misfit(study, null), misfit(study, model))
 }
 
 #[cfg(test)]

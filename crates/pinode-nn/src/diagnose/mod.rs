@@ -97,6 +97,7 @@ pub mod verdict;
 mod width;
 mod write_up;
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -210,12 +211,16 @@ pub(crate) fn diagnose_into(
     all.try_for_each(|log| log.check(model))?;
     report("reading the log: noise, outliers, gaps");
     refuse_unmoved(model, logs)?;
-    let (logs, repeated) = fresh(model, logs);
+    let (logs, mut repeated) = fresh(model, logs);
     let (held_out, repeated_there) = fresh(model, held_out);
+    if repeated.is_empty() {
+        repeated = repeated_there;
+    }
     let mut meant = as_meant(model, &logs, &held_out, report)?;
-    meant
-        .faults
-        .splice(..0, repeated.into_iter().chain(repeated_there));
+    meant.is_thinned = [&logs, &held_out]
+        .iter()
+        .any(|logs| matches!(logs, Cow::Owned(_)));
+    meant.faults.splice(..0, repeated);
     let Searched { ready, mut search } = searched(meant, seed, report, means)?;
     let Ready {
         meant,
@@ -278,10 +283,7 @@ pub(crate) fn diagnose_into(
             found.believe(misfit::explained_of(&proved.gap));
         }
     }
-    let believed = search
-        .found
-        .iter()
-        .any(|f| f.confidence >= verdict::DOUBTFUL);
+    let believed = search.found.iter().any(found::Found::is_believed);
     let is_named = is_found && !contradicted && (believed || !something_is_left);
     let verdict = if is_named && search.explains_most() {
         Verdict::EffectsFound

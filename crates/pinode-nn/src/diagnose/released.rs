@@ -52,13 +52,17 @@ fn released(study: &Study, current: &Fitted) -> Option<(usize, Fitted)> {
     best.filter(|(_, fitted)| Comparison::of(fitted, current).relieves())
 }
 
-/// The same of the constants of which the model does not say how well they are known; `None` where none explains anything.
-fn unsaid(study: &Study, current: &Fitted) -> Option<(usize, Fitted)> {
+/// The same of the constants of which the model does not say how well they are known; `None` where none is worth it.
+fn unsaid(
+    study: &Study,
+    current: &Fitted,
+    is_worth: impl Fn(&Comparison) -> bool,
+) -> Option<(usize, Fitted)> {
     let constants = current.hybrid.constants().iter().enumerate();
     let open = constants.filter(|(_, c)| !c.is_said && c.tolerance == 0.0 && c.value != 0.0);
     let open: Vec<usize> = open.map(|(i, _)| i).collect();
     let best = freed(study, current, &open);
-    best.filter(|(_, fitted)| Comparison::of(fitted, current).explains())
+    best.filter(|(_, fitted)| is_worth(&Comparison::of(fitted, current)))
 }
 
 /// The best model with one of these constants free.
@@ -88,7 +92,8 @@ pub fn in_place_of(
     let surpasses = |fitted: &Fitted| {
         accepted.is_none_or(|accepted| fitted.score(1) > accepted.score + AHEAD_OF_LIKENESS)
     };
-    stretched.or_else(|| unsaid(study, current).filter(|(_, fitted)| surpasses(fitted)))
+    let unsaid = || unsaid(study, current, Comparison::explains);
+    stretched.or_else(|| unsaid().filter(|(_, fitted)| surpasses(fitted)))
 }
 
 /// Whether a name does what the scale of a body does: it says that the inertia of a body, or of a joint, is another.
@@ -127,7 +132,9 @@ pub fn instead(
         true => None,
         false => released(study, reduced),
     };
-    let (index, released) = stretched.or_else(|| unsaid(study, reduced))?;
+    // A name that only relieves tolerances has a rival in a constant that does.
+    let is_worth = |c: &Comparison| c.explains() || c.relieves();
+    let (index, released) = stretched.or_else(|| unsaid(study, reduced, is_worth))?;
     let (own, other) = (&current.inside.free, &reduced.inside.free);
     let more = own.len().saturating_sub(other.len());
     let behind = released.score(1) - current.score(more);

@@ -165,8 +165,6 @@ pub(super) fn resolve(
         .zip(&used)
         .filter(|(_, used)| !**used)
         .map(|(name, _)| *name)
-        // Where inputs alone are asked for, nobody misses the rest.
-        .filter(|name| !channels.coordinates.is_empty() || name.starts_with("u."))
         .collect();
     for (signal, column) in missing {
         let spelled = if signal == column {
@@ -192,7 +190,8 @@ pub(super) fn resolve(
                 )));
             }
         }
-        if !unused.is_empty() {
+        // Where inputs alone are asked for, nobody misses the rest.
+        if !unused.is_empty() && !channels.coordinates.is_empty() {
             let names: Vec<String> = unused.iter().take(20).map(|name| quoted(name)).collect();
             let more = match unused.len().saturating_sub(20) {
                 0 => String::new(),

@@ -28,6 +28,7 @@ impl AsMeant<'_> {
         let columns: Vec<_> = columns.unwrap_or_default();
         let [logs, held_out] = self.logs_with_inputs_later(rows).map(Cow::Owned);
         Ok(AsMeant {
+            is_thinned: self.is_thinned,
             logs,
             held_out,
             model: Cow::Owned(self.model.with_columns(&columns)?),

@@ -64,6 +64,8 @@ pub struct AsMeant<'a> {
     pub held_out: Cow<'a, [Log]>,
     /// What they count otherwise, one a signal.
     pub faults: Vec<DataFault>,
+    /// Whether rows were [left out](super::fresh_rows) of them: then what is some rows late is so by others.
+    pub is_thinned: bool,
 }
 
 /// The logs as they are meant: as they are, unless the model explains them far better where they are read otherwise.
@@ -95,6 +97,7 @@ pub fn as_meant<'a>(
         faults.extend(other.faults(model, (log, &log.columns(model)), Which::HeldOut));
     }
     Ok(AsMeant {
+        is_thinned: false,
         faults,
         logs: again(found, logs),
         held_out: again(of_held_out, held_out),
