@@ -220,7 +220,7 @@ impl Proof<'_> {
             let acts_on = outcome.as_ref().map_or(0, |(taught, _)| taught.laws.len());
             let is_worth = match sight {
                 Sight::Followed => off.len() > 1,
-                Sight::All => off.len() > acts_on,
+                Sight::All => off.len() > acts_on && leftover.is_more(&off, &search.model.hybrid),
             };
             if !is_worth {
                 continue;

@@ -55,6 +55,13 @@ impl Leftover<'_> {
         distinct
     }
 
+    /// Whether all that moves is more than what the forces were seen to follow.
+    pub fn is_more(&self, off: &[&Off], hybrid: &Hybrid) -> bool {
+        let [followed, all] =
+            [Sight::Followed, Sight::All].map(|sight| self.quantities(off, sight, hybrid));
+        all.iter().any(|quantity| !followed.contains(quantity))
+    }
+
     /// What the force on a coordinate may follow.
     fn followed(&self, off: &Off, hybrid: &Hybrid) -> Vec<Quantity> {
         let c = off.coordinate;
