@@ -157,6 +157,7 @@ fn faults_are_named_with_their_column() {
         ("(x, 2)", 3, "outside of a function's arguments"),
         ("0,5*x", 2, "decimal point is `.`"),
         ("y + 1", 1, "unknown name `y`"),
+        ("x*t", 3, "unknown name `t`; an energy that depends on time"),
         ("x*phi_dt", 3, "did you mean `phi_dot`"),
         ("x*Phi", 3, "did you mean `phi`"),
         ("cso(x)", 1, "did you mean `cos`"),

@@ -235,7 +235,7 @@ impl<'a> Parser<'a, '_> {
         }
         self.unknown.push(name);
         let cure = match nearest(name, known.clone()) {
-            _ if TIME.contains(&name) => "energies do not depend on time: what is driven by a motion that is prescribed is no coordinate with an energy yet".to_owned(),
+            _ if TIME.contains(&name) => "an energy that depends on time, as of a motion that is prescribed, cannot be described yet".to_owned(),
             Some(near) => format!("did you mean `{near}`?"),
             None => {
                 let list: Vec<&str> = known.take(30).collect();

@@ -5,6 +5,8 @@
 
 use std::ops::RangeInclusive;
 
+use nalgebra::DVector;
+
 use super::smooth::Smoothed;
 use crate::hybrid::{Hybrid, State};
 use crate::shooting::ObservedRun;
@@ -105,6 +107,12 @@ pub fn modelled(
             ends.map(|(a, b)| 0.5 * (a + b)).collect()
         })
         .collect()
+}
+
+/// v̇ − v̇_model at sample `k`, where the [averaged](Seen::averaged) accelerations of a model are these.
+pub fn missing(smooth: &Smoothed, k: usize, model: &[f64]) -> DVector<f64> {
+    let missing = smooth.a.iter().zip(model).map(|(a, model)| a[k] - model);
+    DVector::from_iterator(model.len(), missing)
 }
 
 /// The weights with which the second derivative of a local quadratic or cubic over the samples −m … m sees the true acceleration over

@@ -12,7 +12,7 @@ use super::misfit::explained;
 use super::refine::{Contender, ITERATIONS, contender, polish, rank, refine_one};
 use super::score::samples_per_window;
 use super::screen::screen;
-use super::search::Search;
+use super::search::{STATES_ALONE, Search};
 use super::step::{LEAST_T2, Report};
 use super::study::{Fitted, Study};
 
@@ -22,8 +22,6 @@ const REFINED: usize = 3;
 const PROMISED: f64 = 0.01;
 /// A network is taught beside so many of them.
 const TAUGHT: usize = 2;
-/// Iterations of the initial states, where a name joins a model without its network.
-const STATES_ALONE: usize = 5;
 
 /// Names that may explain what a network leaves that the model with what was found was `taught`, refined beside it, the one that is accepted first; none where none is.
 pub fn names_beside(study: &Study, taught: &Fitted, seed: u64, report: Report) -> Vec<Contender> {

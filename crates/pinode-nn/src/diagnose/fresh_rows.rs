@@ -155,6 +155,8 @@ fn at_rows(model: &Model, run: &Run, rows: &[usize]) -> Run {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::panic, clippy::unwrap_used)]
+
     use super::*;
 
     /// A swing that comes to rest, of a sensor with noise and of one with steps, read at some rows.
@@ -184,6 +186,46 @@ mod tests {
         let sixty = |k: usize| ((k as f64 * 0.3).floor() / 0.3).ceil() as usize;
         let rows = new_rows(&[&swing(0.0, sixty)]).unwrap_or_default();
         assert!((895..=901).contains(&rows.len()), "{}", rows.len());
+    }
+
+    #[test]
+    fn between_two_readings_held_inputs_have_the_same_mean_and_it_is_said() {
+        let text = "name = \"swing\"\nlagrangian = { coordinates = [\"x\"], kinetic = \"x_dot^2\", potential = \"0\" }\n\
+             [[input]]\nname = \"held\"\njoint = \"x\"\n\
+             [[input]]\nname = \"smooth\"\njoint = \"x\"\nbetween_samples = \"smooth\"\n";
+        let model = Model::parse("swing.toml".as_ref(), text.to_owned()).unwrap();
+        let u: Vec<f64> = (0..3000).map(f64::from).collect();
+        let log = |q: Vec<f64>| Log {
+            path: "log.csv".into(),
+            sha256: String::new(),
+            warnings: Vec::new(),
+            runs: vec![Run {
+                id: "0".into(),
+                t: u.iter().map(|k| 0.005 * k).collect(),
+                v: vec![None],
+                u: vec![u.clone(); 2],
+                q: vec![q],
+            }],
+        };
+        let logs = [log(swing(0.0, |k| k / 3 * 3))];
+        let (thinned, faults) = fresh(&model, &logs);
+        let run = &thinned[0].runs[0];
+        assert_eq!(run.q[0][..3], [0, 3, 6].map(|k| logs[0].runs[0].q[0][k]));
+        assert!((run.t[2] - 0.03).abs() < 1e-12, "{:?}", run.t);
+        // 3, 4 and 5 from the second reading to the third.
+        assert!((run.u[0][1] - 4.0).abs() < 1e-9 && run.u[1][1] == 3.0);
+        let [fault] = &faults[..] else {
+            panic!("{faults:?}")
+        };
+        assert_eq!((&*fault.kind, &*fault.column), (KIND, "q.x"));
+        assert!(
+            fault.detail.contains("every 3.0 rows, 67 times a second"),
+            "{}",
+            fault.detail
+        );
+        let logs = [log(swing(0.0, |k| k))];
+        let (same, faults) = fresh(&model, &logs);
+        assert!(matches!(same, Cow::Borrowed(_)) && faults.is_empty());
     }
 
     /// At rest before and behind, which is where friction holds.

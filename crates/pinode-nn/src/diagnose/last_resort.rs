@@ -10,7 +10,7 @@ use std::mem::take;
 use super::beside::{found_beside, names_beside, weighed, with_name};
 use super::candidate::Candidate;
 use super::comparison::Comparison;
-use super::found::Found;
+use super::found::{Found, in_order_of_contribution};
 use super::leftover::{Leftover, Off};
 use super::proof::{Proof, Proved, shrinks};
 use super::refine::Contender;
@@ -60,7 +60,7 @@ struct Lesson {
 }
 
 impl Lesson {
-    /// By what part of the noise free runs are off with the network.
+    /// By how many noises free runs are off with the network.
     fn after(&self) -> f64 {
         let gap = self.outcome.as_ref().map(|(_, gap)| gap.after);
         gap.unwrap_or(f64::INFINITY)
@@ -105,6 +105,7 @@ impl Proof<'_> {
             Some(lesson) => {
                 is_withdrawn = lesson.is_withdrawn;
                 *search = lesson.search;
+                in_order_of_contribution(&mut search.found);
                 let mut words = lesson.words;
                 match lesson.outcome {
                     Err(why) => words.sentences.push(why),

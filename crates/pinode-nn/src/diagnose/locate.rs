@@ -3,7 +3,7 @@
 //! r = M(q) v̇ + C(q, v) v + G(q) − Q_model with q, v, v̇ from local cubics through the measurements. This explains and orders; it
 //! does not decide: its noise is too high for that.
 
-use super::accelerations::{Seen, modelled, states};
+use super::accelerations::{Seen, missing, modelled, states};
 use super::audit::Masked;
 use super::curves::ResidualForce;
 use super::signals::Signals;
@@ -59,12 +59,13 @@ pub fn locate(
                 continue;
             }
             hybrid.mass_matrix_into(&read(k)[..nv], theta, &mut memory, &mut mass);
-            // M (measured acceleration − modelled acceleration) is the missing force.
+            // M (v̇ − v̇_model) is the missing force.
+            let missing = missing(smooth, k, &model);
             for i in 0..nv {
                 let mut force = 0.0;
                 let mut variance = 0.0;
                 for j in 0..nv {
-                    force += mass[(i, j)] * (smooth.a[j][k] - model[j]);
+                    force += mass[(i, j)] * missing[j];
                     let noise = study.observations.channels[j].noise * seen.noise;
                     variance += (mass[(i, j)] * noise).powi(2);
                 }

@@ -11,8 +11,8 @@
 //!    something.
 //! 5. Dry friction is fitted as sharp as the data see it: the known one with the null model, what is found at once and in the end; then names with fewer constants are asked for once more.
 //! 6. The new model is written, read back, and run free over held-out data. What does not shrink the gap there is not added.
-//! 7. What is left and no effect explains is taught to a small network on that coordinate, or on all that are off, which is described and added where it explains windows that it
-//!    has not seen and shrinks the gap. What comes late or remembers is hidden by such a law: it is asked for beside the network.
+//! 7. What is left and no effect explains is taught to a small network on that coordinate, or on all that are off, which is described and added where it explains windows held out of its
+//!    fits and shrinks the gap. What comes late or remembers is hidden by such a law: it is asked for beside the network.
 
 mod accelerations;
 mod accept;

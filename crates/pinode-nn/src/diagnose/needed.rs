@@ -5,7 +5,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::accelerations::{Seen, modelled, states};
+use super::accelerations::{Seen, missing, modelled, states};
 use super::study::Study;
 use crate::hybrid::Hybrid;
 use crate::shooting::ObservedRun;
@@ -46,14 +46,10 @@ impl<'a> Needed<'a> {
             let (run, smooth) = (&self.study.observations.runs[r], &self.study.smoothed[r]);
             let modelled = modelled((hybrid, theta), run, smooth);
             for &k in samples {
-                let model = seen.averaged(&modelled, k).into_iter();
-                let noise = self.study.observations.channels.iter().map(|c| c.noise);
-                let missing = smooth.a.iter().zip(model).map(|(a, model)| a[k] - model);
-                all.extend(
-                    missing
-                        .zip(noise)
-                        .map(|(a, noise)| a / (noise * seen.noise)),
-                );
+                let missing = missing(smooth, k, &seen.averaged(&modelled, k));
+                let channels = self.study.observations.channels.iter();
+                let scaled = missing.iter().zip(channels);
+                all.extend(scaled.map(|(a, channel)| a / (channel.noise * seen.noise)));
             }
         }
         DVector::from_vec(all)
@@ -75,10 +71,9 @@ impl<'a> Needed<'a> {
             let read = states((hybrid, theta), smooth);
             let modelled = modelled((hybrid, theta), run, smooth);
             for &k in samples {
-                let model = seen.averaged(&modelled, k);
+                let missing = missing(smooth, k, &seen.averaged(&modelled, k));
                 hybrid.mass_matrix_into(&read(k)[..nv], theta, &mut memory, &mut mass);
-                let needed = smooth.a.iter().zip(model).map(|(a, model)| a[k] - model);
-                let force = &mass * DVector::from_iterator(nv, needed);
+                let force = &mass * missing;
                 for (all, force) in forces.iter_mut().zip(&force) {
                     all.push(*force);
                 }

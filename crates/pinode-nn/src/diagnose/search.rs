@@ -35,8 +35,8 @@ const OF_STEPS: f64 = 0.5;
 const ALL: f64 = 3.0;
 /// Particulars of a drive are what it is rather than another layout where they explain more by so many nats.
 const AHEAD: f64 = 10.0;
-/// Iterations of the initial states when pushes are taken away.
-const STATES_ALONE: usize = 5;
+/// Iterations of the initial states where a model loses its pushes or a network.
+pub const STATES_ALONE: usize = 5;
 
 /// The whole search.
 #[derive(Clone)]

@@ -129,7 +129,7 @@ impl Leftover<'_> {
     /// Teaches a network that sees so much the forces on some coordinates beside what was found.
     ///
     /// # Errors
-    /// In words, where there is none that explains windows it has not seen.
+    /// In words, where there is none that explains the windows held out, which decide only when its fits end.
     pub fn teach(&self, off: &[&Off], sight: Sight, search: &Search) -> Result<Taught, String> {
         let given = &search.model;
         let taken = given.hybrid.networks().iter().flat_map(|n| n.outputs());
@@ -204,7 +204,7 @@ impl Leftover<'_> {
         if !comparison.explains() {
             return Err(format!(
                 "A small network that was taught it explains too little: {} nats a sample of the windows that it was taught ({:.1} standard errors) and {} of \
-                 those that it has not seen ({:.1}). It is not added.",
+                 those held out ({:.1}). It is not added.",
                 number(comparison.inside_gain),
                 comparison.inside.z,
                 number(comparison.outside_gain),
@@ -214,29 +214,9 @@ impl Leftover<'_> {
         let learnt = fitted.hybrid.networks_at(&fitted.inside.theta).pop();
         let force = learnt.ok_or("No network was taught it.")?;
         let force = (*force).clone().trained_on(&states);
-        let inputs: Vec<&str> = self.model.inputs.iter().map(|i| i.name.as_str()).collect();
-        let mut card = Card::of(
-            &force,
-            Names {
-                coordinates,
-                inputs: &inputs,
-            },
-        );
-        card.interval = Some(self.sitting.interval);
         let laws = (0..off.len()).map(|k| Law::of(&force, k, &states, self.model));
         let laws: Vec<Option<Law>> = laws.collect();
-        let words = serde_json::json!({
-            "program": concat!("pinode ", env!("CARGO_PKG_VERSION")),
-            "model": self.sitting.provenance.model,
-            "logs": self.sitting.provenance.logs,
-            "seed": self.sitting.seed,
-            "windows": self.study.windows.fit.len(),
-            "gain_per_sample_held_out": comparison.outside_gain,
-            "laws": laws.iter().flatten().collect::<Vec<_>>(),
-        });
-        if let serde_json::Value::Object(words) = words {
-            card.training = words;
-        }
+        let card = self.card(&force, &laws, comparison.outside_gain);
         Ok(Taught {
             fitted,
             shared,
@@ -244,6 +224,32 @@ impl Leftover<'_> {
             card,
             laws,
         })
+    }
+
+    /// What the file of its weights says of a force that explains so many nats a sample of the windows held out.
+    fn card(&self, force: &LearntForce, laws: &[Option<Law>], gain: f64) -> Card {
+        let inputs: Vec<&str> = self.model.inputs.iter().map(|i| i.name.as_str()).collect();
+        let mut card = Card::of(
+            force,
+            Names {
+                coordinates: self.model.mechanics.coordinates(),
+                inputs: &inputs,
+            },
+        );
+        card.interval = Some(self.sitting.interval);
+        let words = serde_json::json!({
+            "program": concat!("pinode ", env!("CARGO_PKG_VERSION")),
+            "model": self.sitting.provenance.model,
+            "logs": self.sitting.provenance.logs,
+            "seed": self.sitting.seed,
+            "windows": self.study.windows.fit.len(),
+            "gain_per_sample_held_out": gain,
+            "laws": laws.iter().flatten().collect::<Vec<_>>(),
+        });
+        if let serde_json::Value::Object(words) = words {
+            card.training = words;
+        }
+        card
     }
 }
 
