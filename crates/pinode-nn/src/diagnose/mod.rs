@@ -396,14 +396,16 @@ pub(crate) fn diagnose_into(
 
 /// What the recordings of some logs are called, in their order.
 fn recordings<'a>(logs: impl Iterator<Item = &'a Log>) -> Vec<String> {
-    let of_log = |log: &'a Log| {
-        let name = move |run: &'a Run| match log.runs.len() {
-            1 => format!("`{}`", log.path.display()),
-            _ => format!("run `{}` of `{}`", run.id, log.path.display()),
-        };
-        log.runs.iter().map(name)
-    };
-    logs.flat_map(of_log).collect()
+    logs.flat_map(|log| log.runs.iter().map(move |run| recording(log, run)))
+        .collect()
+}
+
+/// What a recording of a log is called.
+fn recording(log: &Log, run: &Run) -> String {
+    match log.runs.len() {
+        1 => format!("`{}`", log.path.display()),
+        _ => format!("run `{}` of `{}`", run.id, log.path.display()),
+    }
 }
 
 /// From what all this was found.

@@ -1,11 +1,14 @@
-//! Velocities that are not the rates of their positions: in other units, with another sign, of another joint, or none at all.
+//! Velocities that are not the rates of their positions: in other units, with another sign, of another joint, late, or none at all.
 //!
 //! Over spans of some samples a position changes by Δq and the velocity says ∫ v dt. Where both are the same motion, they are the same but for noise and
-//! for the time by which one of them is late.
+//! for the time by which the velocity is late, v(t) = q̇(t − τ), or filtered, τ v̇ = q̇ − v:
+//!
+//! ∫ v dt − Δq = −τ Δv.
 
 use super::super::verdict::DataFault;
 use super::noise::{Readings, median, noise};
 use crate::diagnose::smooth::unwrapped;
+use crate::digits::uncertain;
 use crate::log::Run;
 use crate::model::Model;
 
@@ -20,6 +23,12 @@ const OFF: f64 = 0.5;
 /// What is left of Δq by a constant factor on v where that is all that is wrong.
 const BY_A_FACTOR: f64 = 0.1;
 
+/// What is late by more than this many rows, and by so many standard errors, is not what differences of the positions are: these are half a row late, …
+const LATE_ROWS: f64 = 1.5;
+const SURE: f64 = 5.0;
+/// … and tells something of it where the rates change, in the middle, by more than this part of their noise in that time.
+const LATE_TELLS: f64 = 1.0;
+
 /// Factors of different joints that differ by less than this are one.
 const SAME: f64 = 0.05;
 /// Factors that people choose, but for powers of ten.
@@ -29,24 +38,26 @@ const ROUND: [f64; 5] = [1.0, 2.0, 4.0, 5.0, 6.0];
 pub fn fault(model: &Model, runs: &[&Run], c: usize) -> Option<DataFault> {
     let coordinate = &model.mechanics.coordinates()[c];
     let compared = compared(runs, c, coordinate.wraps)?;
-    if compared.off <= OFF {
-        return None;
-    }
-    let what = match compared.factor {
-        Some(factor) => format!(
-            "they are {factor:.4} times those: their unit or sign is another one, or `t` counts otherwise"
+    let what = match (compared.off > OFF, compared.factor, compared.late) {
+        (true, Some(factor), _) => format!(
+            "these are not the rates of the positions: they are {factor:.4} times those: their unit or sign is another one, or `t` counts otherwise"
         ),
-        None => format!(
-            "over short spans they are off by {:.0} % of the way that it goes",
+        (true, None, _) => format!(
+            "these are not the rates of the positions: over short spans they are off by {:.0} % of the way that it goes",
             100.0 * compared.off
         ),
+        (false, _, Some(late)) => format!(
+            "these are late, as a filter makes them: by {} ms behind the rates of the positions",
+            uncertain(1e3 * late.by, Some(1e3 * late.error))
+        ),
+        (false, _, None) => return None,
     };
     Some(DataFault {
         kind: "velocity".into(),
         column: format!("v.{}", coordinate.name),
         when: Vec::new(),
         detail: format!(
-            "these are not the rates of the positions: {what}; they are left out of all fits, and nothing should start from them"
+            "{what}; they are left out of all fits, and nothing should start from them"
         ),
     })
 }
@@ -79,6 +90,26 @@ struct Compared {
     off: f64,
     /// How many times Δq it is, where that is all that is wrong.
     factor: Option<f64>,
+    /// By how much v is late, where it clearly is.
+    late: Option<Late>,
+}
+
+/// By how much velocities are late, s.
+struct Late {
+    by: f64,
+    error: f64,
+}
+
+/// What happens in a span.
+struct Span {
+    /// Δq.
+    way: f64,
+    /// ∫ v dt.
+    by_v: f64,
+    /// Δv.
+    change: f64,
+    /// s.
+    duration: f64,
 }
 
 /// `None` where no velocities were measured, or too little moves.
@@ -98,39 +129,76 @@ fn compared(runs: &[&Run], coordinate: usize, wraps: bool) -> Option<Compared> {
     let readings = measured.iter().zip(&q);
     let readings = readings.map(|((run, _), y)| Readings { t: &run.t, y });
     let readings: Vec<Readings> = readings.collect();
-    let noise = noise(&readings);
+    let least = MOVES * noise(&readings);
     let of_span = |samples: usize| {
         let of_runs = measured.iter().zip(&q);
         let all = of_runs.flat_map(|((run, v), q)| spans(samples, &run.t, q, v));
-        let moving = all.filter(|[dq, _]| dq.abs() > MOVES * noise);
-        moving.collect::<Vec<[f64; 2]>>()
+        all.collect::<Vec<Span>>()
     };
-    let moving = SPANS.map(of_span);
+    let all = SPANS.map(of_span);
+    let moving = all.each_ref().map(|all| {
+        let moving = all.iter().filter(|span| span.way.abs() > least);
+        moving.collect::<Vec<&Span>>()
+    });
     let told = moving.iter().filter(|spans| spans.len() >= FEWEST);
     let best = told.min_by(|a, b| left(a, 1.0).total_cmp(&left(b, 1.0)))?;
-    let ratios = best.iter().map(|[dq, by_v]| by_v / dq);
+    let ratios = best.iter().map(|span| span.by_v / span.way);
     let factor = median(&mut ratios.collect::<Vec<f64>>());
+    let rates = measured.iter();
+    let rates = rates.map(|(run, v)| Readings { t: &run.t, y: v });
+    let noise_of_rates = noise(&rates.collect::<Vec<Readings>>());
     Some(Compared {
         off: left(best, 1.0),
         factor: (factor != 0.0 && left(best, factor.recip()) < BY_A_FACTOR).then_some(factor),
+        late: late(&all[0], noise_of_rates),
     })
 }
 
 /// What is left of Δq, as a part of it and in the middle, where v is multiplied by a factor.
-fn left(spans: &[[f64; 2]], factor: f64) -> f64 {
+fn left(spans: &[&Span], factor: f64) -> f64 {
     let off = spans
         .iter()
-        .map(|[dq, by_v]| (dq - factor * by_v).abs() / dq.abs());
+        .map(|span| (span.way - factor * span.by_v).abs() / span.way.abs());
     median(&mut off.collect::<Vec<f64>>())
 }
 
-/// Δq and ∫ v dt of spans one after the other.
-fn spans(samples: usize, t: &[f64], q: &[f64], v: &[f64]) -> Vec<[f64; 2]> {
+/// By how much v is late, τ = (Δq − ∫ v dt)/Δv in the middle of the spans in which v changes most, where that is clear and tells something.
+fn late(spans: &[Span], noise_of_rates: f64) -> Option<Late> {
+    let middle = |of: &dyn Fn(&Span) -> f64, spans: &[&Span]| {
+        median(&mut spans.iter().map(|span| of(span)).collect::<Vec<f64>>())
+    };
+    let all: Vec<&Span> = spans.iter().collect();
+    let usual = middle(&|span| span.change.abs(), &all);
+    let changing = all.iter().copied();
+    let changing: Vec<&Span> = changing
+        .filter(|span| span.change.abs() > usual.max(MOVES * noise_of_rates))
+        .collect();
+    if changing.len() < FEWEST {
+        return None;
+    }
+    let of = |span: &Span| (span.way - span.by_v) / span.change;
+    let by = middle(&of, &changing);
+    // Of a median, where the scatter is normal.
+    let scatter = 1.4826 * middle(&|span| (of(span) - by).abs(), &changing);
+    let error = 1.2533 * scatter / (changing.len() as f64).sqrt();
+    let row = middle(&|span| span.duration, &all) / SPANS[0] as f64;
+    let tells = by * middle(&|span| span.change.abs() / span.duration, &all);
+    let is_late = by > LATE_ROWS * row && by > SURE * error && tells > LATE_TELLS * noise_of_rates;
+    is_late.then_some(Late { by, error })
+}
+
+/// Spans of so many samples, one after the other.
+fn spans(samples: usize, t: &[f64], q: &[f64], v: &[f64]) -> Vec<Span> {
     let starts = (0..t.len()).step_by(samples);
     let span = |k: usize| {
         let steps = k..k + samples;
         let by_v = steps.map(|i| 0.5 * (v[i] + v[i + 1]) * (t[i + 1] - t[i]));
-        [q[k + samples] - q[k], by_v.sum()]
+        Span {
+            way: q[k + samples] - q[k],
+            by_v: by_v.sum(),
+            change: v[k + samples] - v[k],
+            duration: t[k + samples] - t[k],
+        }
     };
     starts.filter(|k| k + samples < t.len()).map(span).collect()
 }
@@ -172,14 +240,32 @@ mod tests {
     }
 
     #[test]
-    fn velocities_that_are_rates_are_no_fault_though_they_are_late_or_noisy() {
+    fn velocities_that_are_rates_are_no_fault_though_they_are_a_row_late_or_noisy() {
         assert_eq!(found(&swing(rate)), None);
-        assert_eq!(found(&swing(|t| rate(t - 0.04))), None);
+        assert_eq!(found(&swing(|t| rate(t - 0.02))), None);
         assert_eq!(found(&swing(|t| 1.2 * rate(t) + (1e4 * t).sin())), None);
         // Nor is anything that rests.
         let mut at_rest = swing(|_| 0.3);
         at_rest.q[0].fill(1.0);
         assert_eq!(found(&at_rest), None);
+    }
+
+    /// Both without noise, and where it hides what is late by so little.
+    #[test]
+    fn late_and_filtered_velocities_are_told_where_that_is_more_than_their_noise() {
+        let late = found(&swing(|t| rate(t - 0.05))).unwrap();
+        assert!(late.contains("late") && late.contains("by 49."), "{late}");
+        // 1/(τ s + 1) of the rates, in the long run.
+        let tau = 0.05_f64;
+        let filtered = |t: f64| {
+            let phase = (tau * FREQUENCY).atan();
+            FREQUENCY * phase.cos() * (FREQUENCY * t - phase).cos()
+        };
+        let late = found(&swing(filtered)).unwrap();
+        assert!(late.contains("by 50.") || late.contains("by 49."), "{late}");
+        let noisy = |t: f64| rate(t - 0.05) + 8.0 * (1e4 * t).sin();
+        assert_eq!(found(&swing(noisy)), None);
+        assert_eq!(found(&swing(|t| rate(t + 0.05))), None, "early");
     }
 
     /// Ten samples are two periods: hardly any way is made in them.

@@ -2,8 +2,9 @@
 
 use std::borrow::Cow;
 
-use super::reading::{Reading, Signal, mappings, name, words};
-use super::{AsMeant, CONVENTION, DataFault, read_all, read_so, written};
+use super::reading::{Reading, Signal, mappings, name, read_log, words};
+use super::told::{read_so, written};
+use super::{AsMeant, CONVENTION, DataFault};
 use crate::Error;
 use crate::log::Log;
 
@@ -11,7 +12,8 @@ impl AsMeant<'_> {
     /// The logs, and those held out, with every input read from so many rows further down.
     pub fn logs_with_inputs_later(&self, rows: usize) -> [Vec<Log>; 2] {
         let readings = self.late(rows);
-        [&self.logs, &self.held_out].map(|logs| read_all(&readings, logs))
+        [&self.logs, &self.held_out]
+            .map(|logs| logs.iter().map(|log| read_log(&readings, log)).collect())
     }
 
     /// The same, its model too, with every input read from so many rows further down.

@@ -246,6 +246,14 @@ pub fn read(readings: &[Reading], run: &Run) -> Run {
     read
 }
 
+/// A log, read by these readings.
+pub fn read_log(readings: &[Reading], log: &Log) -> Log {
+    Log {
+        runs: log.runs.iter().map(|run| read(readings, run)).collect(),
+        ..log.clone()
+    }
+}
+
 /// Where the signals stand that a reading reads, for a log whose own stand where `columns` says: a coordinate, and its velocity where the log has that.
 pub fn mappings(
     reading: &Reading,

@@ -1,13 +1,17 @@
 #![allow(clippy::unwrap_used)]
 
+mod several;
+
 use std::path::Path;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::reading::{Reading, Signal};
 use super::*;
 use crate::bins::pseudo;
 use crate::log::Channels;
+use crate::model::log_columns::value;
 
 const CART: f64 = 0.6;
 const BOB: f64 = 0.15;

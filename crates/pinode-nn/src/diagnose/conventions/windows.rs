@@ -1,17 +1,21 @@
 //! What a model leaves of some short windows of a log that are read in some way.
 
+use std::f64::consts::PI;
+use std::ops::Range;
+
 use super::reading::{Reading, Signal, read};
 use crate::diagnose::audit::{Readings, median, noise};
 use crate::diagnose::pace::Pace;
 use crate::diagnose::smooth::{polynomial, smooth, unwrapped};
 use crate::diagnose::study::MOST_SUBSTEPS;
-use crate::effect::{ActsOn, registry};
+use crate::effect::{ActsOn, Kind, registry};
 use crate::hybrid::{Hybrid, Placed};
 use crate::log::{Log, Run};
 use crate::model::Model;
 use crate::poses::Poses;
 use crate::shooting::{
-    Channel, Finer, FitOptions, HiddenPrior, Observations, ObservedRun, Window, consecutive, fit,
+    Channel, Finer, Fit, FitOptions, HiddenPrior, Observations, ObservedRun, Window, consecutive,
+    fit,
 };
 
 /// So many windows are looked at, and no fewer, …
@@ -22,10 +26,14 @@ const SAMPLES: f64 = 60.0;
 const FEWEST_SAMPLES: usize = 8;
 /// Iterations of a fit, of the initial states and of all.
 const ITERATIONS: (usize, usize) = (3, 4);
+/// The same where a constant of each coordinate is asked for.
+const ITERATIONS_OF_EACH: (usize, usize) = (3, 12);
 /// A coordinate moves where it is off a straight line by so many times its noise.
 const MOVES: f64 = 10.0;
 /// A coordinate that is read as one number is off its line by what rounding leaves of it.
 const STILL: f64 = 1e-12;
+/// √⟨e²⟩ of an error e that is anywhere within a turn, ±π: what wraps is never further off, however far it moves.
+const ANYWHERE: f64 = PI / 1.732_050_807_568_877_2;
 /// A share of less than this is none.
 pub const NONE: f64 = 0.02;
 /// Of friction that is no sign change.
@@ -47,6 +55,11 @@ pub struct Windows {
 impl Windows {
     /// `None` where there is too little to look at, and where columns are of poses.
     pub fn of(model: &Model, logs: &[Log]) -> Option<Self> {
+        Self::at_most(WINDOWS, model, logs)
+    }
+
+    /// The same, of no more than so many windows.
+    pub fn at_most(windows: usize, model: &Model, logs: &[Log]) -> Option<Self> {
         let coordinates = model.mechanics.coordinates();
         if Poses::of(model).is_some() || coordinates.iter().any(|c| c.floating) {
             return None;
@@ -69,7 +82,7 @@ impl Windows {
         let typical = middle(motion.iter().copied());
         let lively = all.iter().zip(motion).filter(|(_, off)| *off >= typical);
         let lively: Vec<&Run> = lively.map(|(run, _)| run).collect();
-        let count = lively.len().min(WINDOWS);
+        let count = lively.len().min(windows);
         let taken = (0..count).map(|k| lively[k * lively.len() / count].clone());
         let runs: Vec<Run> = taken.collect();
         // Jumps by a turn are no motion; nor are they there in degrees.
@@ -93,16 +106,76 @@ impl Windows {
 
     /// What the model leaves of each coordinate where the log is read so, over what the straight line does. Infinite where roll-outs diverge.
     pub fn shares(&self, readings: &[Reading]) -> Vec<f64> {
-        self.left(readings, &self.hybrid.free(), ITERATIONS)
+        self.left(&self.hybrid, readings, &self.hybrid.free(), ITERATIONS)
     }
 
     /// The same where the initial states alone are fitted.
     pub fn shares_by_states(&self, readings: &[Reading]) -> Vec<f64> {
-        self.left(readings, &[], (ITERATIONS.0, 0))
+        self.left(&self.hybrid, readings, &[], (ITERATIONS.0, 0))
     }
 
-    fn left(&self, readings: &[Reading], free: &[usize], (alone, all): (usize, usize)) -> Vec<f64> {
-        let hybrid = &self.hybrid;
+    fn left(
+        &self,
+        hybrid: &Hybrid,
+        readings: &[Reading],
+        free: &[usize],
+        iterations: (usize, usize),
+    ) -> Vec<f64> {
+        let (fitted, sizes) = self.fitted(hybrid, readings, free, iterations);
+        let of_coordinate = |(c, sizes): (usize, &Sizes)| {
+            let squares = fitted.squares.iter().map(|of_window| of_window[c]);
+            let square = middle(squares.map(|(sum, n)| sum / n.max(1) as f64));
+            let left = (square - sizes.noise * sizes.noise).max(0.0).sqrt();
+            let most = match self.wraps[c] {
+                true => ANYWHERE,
+                false => f64::INFINITY,
+            };
+            left / sizes.off_line.min(most)
+        };
+        sizes.iter().enumerate().map(of_coordinate).collect()
+    }
+
+    /// The zeros of the sensors in these windows, and their standard errors; those that the windows do not tell have infinite ones.
+    pub fn zeros(&self) -> Vec<(f64, f64)> {
+        let (hybrid, own) = self.with_on_each("sensor_offset");
+        let free = hybrid.free();
+        let (fitted, _) = self.fitted(&hybrid, &[], &free, ITERATIONS_OF_EACH);
+        let errors = fitted.standard_errors();
+        let of = |(c, index): (usize, usize)| {
+            let error = free.iter().zip(&errors).find(|(i, _)| **i == index);
+            let told = error.filter(|_| self.moves(c));
+            (fitted.theta[index], told.map_or(f64::INFINITY, |(_, e)| *e))
+        };
+        own.enumerate().map(of).collect()
+    }
+
+    /// Σ ln share where each sensor has a zero, and where a force is on each coordinate instead.
+    pub fn by_zeros_or_forces(&self) -> [f64; 2] {
+        ["sensor_offset", "constant_force"].map(|kind| {
+            let (hybrid, _) = self.with_on_each(kind);
+            self.score(&self.left(&hybrid, &[], &hybrid.free(), ITERATIONS_OF_EACH))
+        })
+    }
+
+    /// The model with an effect of a kind that has one constant on each coordinate, and the places of these constants.
+    fn with_on_each(&self, kind: &str) -> (Hybrid, Range<usize>) {
+        let mut hybrid = self.hybrid.clone();
+        let first = hybrid.theta().len();
+        if let Some(kind) = registry::find(kind) {
+            (0..self.wraps.len()).for_each(|target| hybrid.add(placed(kind, target), &[0.0]));
+        }
+        let own = first..hybrid.theta().len();
+        (hybrid, own)
+    }
+
+    /// The model fitted to the windows, read so: the initial states alone at first, and then with what is free; and the sizes of the coordinates.
+    fn fitted(
+        &self,
+        hybrid: &Hybrid,
+        readings: &[Reading],
+        free: &[usize],
+        (alone, all): (usize, usize),
+    ) -> (Fit, Vec<Sizes>) {
         let second = second(readings);
         let runs = self.runs.iter().map(|run| read(readings, run));
         let runs: Vec<Run> = runs.collect();
@@ -152,12 +225,7 @@ impl Windows {
                 iterations: all,
             },
         );
-        let of_coordinate = |(c, sizes): (usize, &Sizes)| {
-            let squares = fitted.squares.iter().map(|of_window| of_window[c]);
-            let square = middle(squares.map(|(sum, n)| sum / n.max(1) as f64));
-            (square - sizes.noise * sizes.noise).max(0.0).sqrt() / sizes.off_line
-        };
-        sizes.iter().enumerate().map(of_coordinate).collect()
+        (fitted, sizes)
     }
 
     /// The windows' samples, read so and smoothed, and half the smoothing apart: closer ones say much the same. Those near an end have too little around them.
@@ -282,7 +350,7 @@ fn cut(observations: &Observations, length: f64) -> Vec<Run> {
 }
 
 /// What is free beside the model as given: most machines have some friction, and some are late; what these do must not blur the comparison.
-const USUAL: [&str; 2] = ["viscous_friction", "input_delay"];
+const USUAL: [&str; 3] = ["viscous_friction", "coulomb_friction", "input_delay"];
 
 /// The model with a viscous friction on every coordinate that has none, and a delay of every input that has none.
 fn usual(model: &Model, pace: &Pace) -> Hybrid {
@@ -295,17 +363,20 @@ fn usual(model: &Model, pace: &Pace) -> Hybrid {
         for target in 0..targets {
             let has_some = |e: &Placed| e.kind == kind && e.target == target && !e.fixed;
             if !hybrid.effects().iter().any(has_some) {
-                let placed = Placed {
-                    kind,
-                    target,
-                    smoothing: SMOOTHING,
-                    fixed: false,
-                };
-                hybrid.add(placed, &[0.0]);
+                hybrid.add(placed(kind, target), &[0.0]);
             }
         }
     }
     hybrid
+}
+
+fn placed(kind: &'static Kind, target: usize) -> Placed {
+    Placed {
+        kind,
+        target,
+        smoothing: SMOOTHING,
+        fixed: false,
+    }
 }
 
 fn observed(run: &Run) -> ObservedRun {
