@@ -8,6 +8,7 @@ mod backlash;
 #[path = "../../../tests/bad_models_and_logs.rs"]
 mod bad_models_and_logs;
 mod cli;
+mod coarse_steps;
 mod contacts;
 mod conventions;
 mod data_faults;

@@ -16,6 +16,7 @@ use super::output::Output;
 use super::refused;
 use super::stepping::{Effort, Stepping};
 use crate::Error;
+use crate::coarse::CoarseStep;
 use crate::disk::{Staged, refuse_overwriting};
 use crate::entries::{q_names, starts, v_names};
 use crate::free_run::{
@@ -137,7 +138,9 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
             .method
             .simulate(&model, &run, &initial, fineness, &mut effort)?;
         samples += states.len();
-        if let Stepping::Fixed(_) = arguments.method {
+        if let Stepping::Fixed(scheme) = arguments.method {
+            let coarse = CoarseStep::of(scheme, &model, (&run.t, &run.u), &states, step);
+            warnings.extend(coarse.map(|coarse| coarse.warning(&run.id)));
             let longest = longest_taken(&run.t, f64::INFINITY, step);
             warnings.extend(step_warning(&run.id, longest, step));
             taken = taken.max(longest);
