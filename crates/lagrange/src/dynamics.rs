@@ -223,6 +223,20 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
         }
     }
 
+    fn mass_matrix_at_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut DMatrix<f64>,
+    ) {
+        match self.quadratic {
+            true => self.mass_matrix_into(q, p, work, out),
+            false => reference::mass_matrix(&self.lagrangian, (q, Some(v)), p, work, out),
+        }
+    }
+
     fn coriolis_matrix_into(
         &self,
         q: &[f64],
@@ -705,13 +719,9 @@ impl<L: Lagrangian> Dynamics<L> {
                 let at = Arguments { q, v, p, a: &[] };
                 programs.equations(at, &mut work.registers, &mut mass, &mut bias);
             }
-            None if self.quadratic => {
-                self.mass_matrix_into(q, p, work, &mut mass);
-                self.bias_force_into(q, v, p, work, &mut bias);
-            }
             None => {
-                reference::mass_matrix(&self.lagrangian, (q, Some(v)), p, work, &mut mass);
-                fast::bias_force(&self.lagrangian, q, v, p, work, &mut bias);
+                self.mass_matrix_at_into(q, v, p, work, &mut mass);
+                self.bias_force_into(q, v, p, work, &mut bias);
             }
         }
         *out -= &bias;
@@ -754,18 +764,11 @@ impl<L: Lagrangian> Dynamics<L> {
             }
         }
         let mut mass = DMatrix::zeros(n, n);
-        if self.quadratic {
-            self.mass_matrix_into(q, p, work, &mut mass);
-        } else {
-            mass = reference::equations_with(&self.lagrangian, q, v, p).mass_matrix;
-        }
+        self.mass_matrix_at_into(q, v, p, work, &mut mass);
         let whole = mass.diagonal();
         if let Err((pivot, part)) = cholesky::factorise(&mut mass, LEAST_PIVOT) {
-            return Error::SingularMassMatrix {
-                q: q.to_vec(),
-                pivot,
-                value: part * whole[pivot],
-            };
+            let value = part * whole[pivot];
+            return Error::singular_mass_matrix(&self.coordinates, q, pivot, value);
         }
         let mut force = DVector::zeros(n);
         let rest = vec![0.0; n];

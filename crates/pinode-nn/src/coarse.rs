@@ -208,10 +208,14 @@ impl<'a> Metric<'a> {
 
     /// M at the state, and the velocities of `of` there.
     fn at(&mut self, state: &[f64], of: impl Fn(usize) -> f64) -> DVector<f64> {
-        let q = state.get(..self.nq).unwrap_or(state);
-        let p = &self.model.parameter_values;
-        let mechanics = &self.model.mechanics;
-        mechanics.mass_matrix_into(q, p, &mut self.work, &mut self.mass);
+        let (q, v) = state.split_at(self.nq.min(state.len()));
+        let v = v.get(..self.mass.nrows()).unwrap_or(v);
+        let Model {
+            mechanics,
+            parameter_values: p,
+            ..
+        } = self.model;
+        mechanics.mass_matrix_at_into(q, v, p, &mut self.work, &mut self.mass);
         DVector::from_fn(self.mass.nrows(), |i, _| of(self.nq + i))
     }
 

@@ -29,6 +29,7 @@ mod model_files;
 #[path = "../../../tests/models.rs"]
 mod models;
 mod motion;
+mod not_quadratic;
 #[cfg(feature = "cli")]
 #[path = "../../../tests/oracles_through_the_program.rs"]
 mod oracles_through_the_program;
