@@ -86,6 +86,38 @@ fn a_force_that_no_coriolis_matrix_gives_is_said_to_be_one() {
     assert_balanced(&at, &state);
 }
 
+/// What `check` says on stderr, and whether it passes.
+fn checked(kinetic: &str) -> (bool, String) {
+    let dir = tempfile::tempdir().unwrap();
+    let model = format!(
+        "[lagrangian]\ncoordinates = ['x', 'theta']\npotential = 'x^2 - cos(theta)'\nkinetic = '{kinetic}'\nparameters = {{ M = 1.0 }}\n"
+    );
+    std::fs::write(dir.path().join("m.toml"), model).unwrap();
+    let output = pinode(&["check", "m.toml"], dir.path());
+    (output.status.success(), stderr(&output))
+}
+
+#[test]
+fn a_forgotten_square_in_t_is_refused_with_its_coordinate() {
+    let (passes, told) = checked("0.5*M*x_dot + 0.5*theta_dot^2");
+    assert!(!passes);
+    for part in [
+        "m.toml:2:16",
+        "`x` moves no mass",
+        "first power only",
+        "0.5*m*x_dot^2",
+    ] {
+        assert!(told.contains(part), "{part}: {told}");
+    }
+    // A mass at speed alone, and forces that turn velocities, are no slips.
+    for kinetic in [
+        "0.5*M*x_dot^4 + 0.5*theta_dot^2",
+        "0.5*M*x_dot^2 + x*theta_dot + 0.5*theta_dot^2",
+    ] {
+        assert!(checked(kinetic).0, "{kinetic}");
+    }
+}
+
 /// A heavy top's angles at θ = 0, where spin and precession are one motion.
 #[test]
 fn a_singular_mass_matrix_names_the_coordinate_and_where_to_begin() {
