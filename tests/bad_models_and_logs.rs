@@ -218,6 +218,30 @@ fn faults_of_the_urdf_and_of_the_model_come_together() {
 }
 
 #[test]
+fn a_urdf_in_place_of_a_model_is_told_with_the_model_that_it_needs() {
+    let dir = tempfile::tempdir().unwrap();
+    let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
+    let urdf = std::fs::read_to_string(models.join("cartpole/cartpole.urdf")).unwrap();
+    let path = dir.path().join("cart.urdf");
+    std::fs::write(&path, urdf).unwrap();
+    let problems = problems_of(Model::load(&path), "URDF");
+    assert_eq!(problems.list.len(), 1, "{problems}");
+    let told = problems.to_string();
+    assert!(told.contains("write a file `cart.toml`"), "{told}");
+    // What the message shows is a model.
+    let line = told.lines().find(|line| line.starts_with("    ")).unwrap();
+    let model = Model::parse(&dir.path().join("cart.toml"), line).unwrap();
+    assert_eq!(model.mechanics.coordinates().len(), 2);
+
+    let xacro = Model::parse(Path::new("arm.xacro"), "\u{feff}<robot/>");
+    let told = problems_of(xacro, "xacro").to_string();
+    assert!(
+        told.contains("expand it by `xacro`") && told.contains("urdf = \"arm.urdf\""),
+        "{told}"
+    );
+}
+
+#[test]
 fn a_model_file_that_is_no_text_is_refused() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("m.toml");
