@@ -54,6 +54,10 @@ pub struct Dynamics<L> {
 
 impl<L: Lagrangian> Dynamics<L> {
     /// The equations of a mechanism whose coordinates have names and units; as many as its degrees of freedom, else an error.
+    ///
+    /// # Panics
+    /// Where T or V panics, as on an index into q or v of [`dof`](Lagrangian::dof) or more: both are evaluated here, so that such a slip
+    /// ends the program where the mechanism is made and not in a hot loop.
     pub fn new(lagrangian: L, coordinates: Vec<Coordinate>) -> Result<Self, Error> {
         let found = coordinates.iter().map(Coordinate::nv).sum();
         if found != lagrangian.dof() {
@@ -68,6 +72,9 @@ impl<L: Lagrangian> Dynamics<L> {
 
     /// The equations of a mechanism whose coordinates are called q0, q1, … and are displacements in m. (A tree of rigid bodies
     /// has [`coordinates`](crate::mechanism::Tree::coordinates) of its own: use [`new`](Self::new).)
+    ///
+    /// # Panics
+    /// As [`new`](Self::new).
     pub fn of(lagrangian: L) -> Self {
         let coordinates = match lagrangian.rigid_bodies() {
             Some(tree) => tree.coordinates().to_vec(),
