@@ -44,6 +44,8 @@ const BAD_MODELS: &[(&str, (usize, usize), &[&str])] = &[
     // Syntax and top level.
     ("", (1, 1), &["no mechanism", "urdf"]),
     ("name = ", (1, 8), &[]),
+    ("urdf = 'cartpole.urdf'\n[effect]\nkind = 'viscous_friction'\njoint = 'pole'\ncoefficient = 1", (2, 1), &["`effect` is a single table", "`[[effect]]`"]),
+    ("urdf = 'cartpole.urdf'\n[[effect]]\nkind = 'viscous'\njoint = 'pole'", (3, 8), &["unknown kind of effect `viscous`", "nearest: `viscous_friction`"]),
     ("urdf = 'cartpole.urdf'\nurdf = 'b'", (2, 1), &["duplicate"]),
     ("urdf = 'cartpole.urdf'\n[[input]\n", (2, 9), &["unclosed"]),
     ("urfd = 'cartpole.urdf'", (1, 1), &["unknown key `urfd`", "nearest: `urdf`"]),
