@@ -629,6 +629,22 @@ fn what_is_not_read_is_told_with_the_errors_that_it_causes() {
 }
 
 #[test]
+fn limits_in_degrees_are_warned_of_and_six_turns_are_not() {
+    let joint = |kind: &str, upper: f64| {
+        let more = format!(r#"<limit lower="-3" upper="{upper}" effort="1" velocity="1"/>"#);
+        let warnings = good(&one_joint(kind, &more)).warnings;
+        warnings.iter().map(ToString::to_string).collect::<Vec<_>>()
+    };
+    let told = joint("revolute", 180.0);
+    assert!(
+        told.iter().any(|w| w
+            .contains("a limit of 180 rad is 29 turns: if these are degrees, write 3.1416 rad")),
+        "{told:?}"
+    );
+    assert_eq!(joint("revolute", 37.7), joint("prismatic", 180.0));
+}
+
+#[test]
 fn all_problems_come_at_once_with_file_line_and_column() {
     let text = robot(&[
         link("base"),

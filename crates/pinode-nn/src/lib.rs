@@ -55,6 +55,7 @@ mod digits;
 mod disk;
 mod entries;
 mod error;
+mod limits;
 mod naming;
 mod past;
 mod processor;

@@ -21,6 +21,7 @@ mod export_command;
 mod floating;
 mod floating_logs;
 mod inertial;
+mod joint_limits;
 mod late_inputs;
 mod left_training;
 mod link_inputs;

@@ -24,6 +24,7 @@ use crate::free_run::{
 };
 use crate::hybrid::Hybrid;
 use crate::learnt::{Guard, other_intervals};
+use crate::limits;
 use crate::log::{Log, Run};
 use crate::model::Model;
 use crate::poses::{Upright, measured_state};
@@ -114,6 +115,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     let all: Vec<&Run> = runs.iter().collect();
     let (mut taken, mut warnings) = (step, other_intervals(&model, &all));
     let mut guard = Guard::new(&model);
+    let mut told_limits = false;
     let visible = model.mechanics.nq() + model.mechanics.nv();
     for mut run in runs {
         if let Some(duration) = arguments.duration {
@@ -148,6 +150,11 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
         let moved = states.iter().map(|state| state[..visible].to_vec());
         let moved: Vec<Vec<f64>> = moved.collect();
         warnings.extend(Upright::of(&model, &run.t, &moved).map(|near| near.warning(&run.id)));
+        if !told_limits {
+            let beyond = limits::warning(&model, &run.id, &run.t, &moved);
+            told_limits = beyond.is_some();
+            warnings.extend(beyond);
+        }
         guard.watch(&run.id, &run.t, &run.u, &moved);
         if let Some(band) = &mut band {
             let run = (&run, with_run);
