@@ -44,6 +44,8 @@ const BAD_MODELS: &[(&str, (usize, usize), &[&str])] = &[
     // Syntax and top level.
     ("", (1, 1), &["no mechanism", "urdf"]),
     ("name = ", (1, 8), &[]),
+    ("urdf = 'cartpole.urdf'\n[effect]\nkind = 'viscous_friction'\njoint = 'pole'\ncoefficient = 1", (2, 1), &["`effect` is a single table", "`[[effect]]`"]),
+    ("urdf = 'cartpole.urdf'\n[[effect]]\nkind = 'viscous'\njoint = 'pole'", (3, 8), &["unknown kind of effect `viscous`", "nearest: `viscous_friction`"]),
     ("urdf = 'cartpole.urdf'\nurdf = 'b'", (2, 1), &["duplicate"]),
     ("urdf = 'cartpole.urdf'\n[[input]\n", (2, 9), &["unclosed"]),
     ("urfd = 'cartpole.urdf'", (1, 1), &["unknown key `urfd`", "nearest: `urdf`"]),
@@ -215,6 +217,30 @@ fn faults_of_the_urdf_and_of_the_model_come_together() {
     let both = problems_of(Model::parse(&path, "urdf = 'r.urdf'\nx = 1"), "both").to_string();
     assert!(both.contains("m.toml:2:1: unknown key `x`"), "{both}");
     assert!(both.contains("r.urdf:3:"), "{both}");
+}
+
+#[test]
+fn a_urdf_in_place_of_a_model_is_told_with_the_model_that_it_needs() {
+    let dir = tempfile::tempdir().unwrap();
+    let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
+    let urdf = std::fs::read_to_string(models.join("cartpole/cartpole.urdf")).unwrap();
+    let path = dir.path().join("cart.urdf");
+    std::fs::write(&path, urdf).unwrap();
+    let problems = problems_of(Model::load(&path), "URDF");
+    assert_eq!(problems.list.len(), 1, "{problems}");
+    let told = problems.to_string();
+    assert!(told.contains("write a file `cart.toml`"), "{told}");
+    // What the message shows is a model.
+    let line = told.lines().find(|line| line.starts_with("    ")).unwrap();
+    let model = Model::parse(&dir.path().join("cart.toml"), line).unwrap();
+    assert_eq!(model.mechanics.coordinates().len(), 2);
+
+    let xacro = Model::parse(Path::new("arm.xacro"), "\u{feff}<robot/>");
+    let told = problems_of(xacro, "xacro").to_string();
+    assert!(
+        told.contains("expand it by `xacro`") && told.contains("urdf = \"arm.urdf\""),
+        "{told}"
+    );
 }
 
 #[test]

@@ -602,6 +602,48 @@ fn what_is_lost_or_looks_wrong_is_warned_of_once_a_kind() {
     assert_eq!(urdf.tree.joints()[0].kind, JointKind::Revolute);
 }
 
+/// What is missing stands there under a name that nobody reads.
+#[test]
+fn what_is_not_read_is_told_with_the_errors_that_it_causes() {
+    let arm = |link: &str, inertial: &str| {
+        format!(
+            "<robot name='r'>\n<{link} name='b'/>\n<link name='a'><{inertial}><mass value='1'/></{inertial}></link>\n\
+             <joint name='j' type='continuous'><parent link='b'/><child link='a'/></joint>\n</robot>"
+        )
+    };
+    let told = refused(&arm("link", "inertia_"));
+    assert!(
+        told.contains("3:16: <inertia_> is not read; did you mean <inertial>?"),
+        "{told}"
+    );
+    assert!(
+        told.contains("link `a`, which joint `j` moves, has no mass"),
+        "{told}"
+    );
+    let told = refused(&arm("Link", "inertial"));
+    assert!(
+        told.contains("2:1: <Link> is not read; did you mean <link>?"),
+        "{told}"
+    );
+    assert!(told.contains("there is no link `b`"), "{told}");
+}
+
+#[test]
+fn limits_in_degrees_are_warned_of_and_six_turns_are_not() {
+    let joint = |kind: &str, upper: f64| {
+        let more = format!(r#"<limit lower="-3" upper="{upper}" effort="1" velocity="1"/>"#);
+        let warnings = good(&one_joint(kind, &more)).warnings;
+        warnings.iter().map(ToString::to_string).collect::<Vec<_>>()
+    };
+    let told = joint("revolute", 180.0);
+    assert!(
+        told.iter().any(|w| w
+            .contains("a limit of 180 rad is 29 turns: if these are degrees, write 3.1416 rad")),
+        "{told:?}"
+    );
+    assert_eq!(joint("revolute", 37.7), joint("prismatic", 180.0));
+}
+
 #[test]
 fn all_problems_come_at_once_with_file_line_and_column() {
     let text = robot(&[

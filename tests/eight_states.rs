@@ -345,7 +345,7 @@ fn a_state_without_an_acceleration_is_named_by_programs_and_where_a_joint_follow
     let error = bead
         .forward_dynamics_lanes_into(&q, &v, &p, work, &mut out)
         .unwrap_err();
-    let culprit = "velocity 0 moves no mass there";
+    let culprit = "velocity 0, that of `q0`, moves no mass there";
     assert!(error.to_string().contains(culprit), "{error}");
     let mut by = ForwardDynamicsDerivatives::lanes(2, 0);
     let error = bead

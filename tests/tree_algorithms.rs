@@ -603,8 +603,9 @@ fn hinges_in_line_have_no_acceleration_of_their_own_and_no_garbage_either() {
             ];
             for error in errors {
                 let pivot = count / 2;
+                let name = &mechanics.coordinates()[pivot].name;
                 let culprit = format!(
-                    "velocity {pivot} moves no mass there, or none that those before it do not move"
+                    "velocity {pivot}, that of `{name}`, moves no mass there, or none that those before it do not move"
                 );
                 assert!(error.to_string().contains(&culprit), "{error}");
             }

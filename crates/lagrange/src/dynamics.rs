@@ -54,6 +54,10 @@ pub struct Dynamics<L> {
 
 impl<L: Lagrangian> Dynamics<L> {
     /// The equations of a mechanism whose coordinates have names and units; as many as its degrees of freedom, else an error.
+    ///
+    /// # Panics
+    /// Where T or V panics, as on an index into q or v of [`dof`](Lagrangian::dof) or more: both are evaluated here, so that such a slip
+    /// ends the program where the mechanism is made and not in a hot loop.
     pub fn new(lagrangian: L, coordinates: Vec<Coordinate>) -> Result<Self, Error> {
         let found = coordinates.iter().map(Coordinate::nv).sum();
         if found != lagrangian.dof() {
@@ -68,6 +72,9 @@ impl<L: Lagrangian> Dynamics<L> {
 
     /// The equations of a mechanism whose coordinates are called q0, q1, … and are displacements in m. (A tree of rigid bodies
     /// has [`coordinates`](crate::mechanism::Tree::coordinates) of its own: use [`new`](Self::new).)
+    ///
+    /// # Panics
+    /// As [`new`](Self::new).
     pub fn of(lagrangian: L) -> Self {
         let coordinates = match lagrangian.rigid_bodies() {
             Some(tree) => tree.coordinates().to_vec(),
@@ -220,6 +227,20 @@ impl<L: Lagrangian> Mechanics for Dynamics<L> {
             fast::mass_matrix(&self.lagrangian, q, p, work, out);
         } else {
             reference::mass_matrix(&self.lagrangian, (q, None), p, work, out);
+        }
+    }
+
+    fn mass_matrix_at_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut DMatrix<f64>,
+    ) {
+        match self.quadratic {
+            true => self.mass_matrix_into(q, p, work, out),
+            false => reference::mass_matrix(&self.lagrangian, (q, Some(v)), p, work, out),
         }
     }
 
@@ -705,13 +726,9 @@ impl<L: Lagrangian> Dynamics<L> {
                 let at = Arguments { q, v, p, a: &[] };
                 programs.equations(at, &mut work.registers, &mut mass, &mut bias);
             }
-            None if self.quadratic => {
-                self.mass_matrix_into(q, p, work, &mut mass);
-                self.bias_force_into(q, v, p, work, &mut bias);
-            }
             None => {
-                reference::mass_matrix(&self.lagrangian, (q, Some(v)), p, work, &mut mass);
-                fast::bias_force(&self.lagrangian, q, v, p, work, &mut bias);
+                self.mass_matrix_at_into(q, v, p, work, &mut mass);
+                self.bias_force_into(q, v, p, work, &mut bias);
             }
         }
         *out -= &bias;
@@ -754,18 +771,11 @@ impl<L: Lagrangian> Dynamics<L> {
             }
         }
         let mut mass = DMatrix::zeros(n, n);
-        if self.quadratic {
-            self.mass_matrix_into(q, p, work, &mut mass);
-        } else {
-            mass = reference::equations_with(&self.lagrangian, q, v, p).mass_matrix;
-        }
+        self.mass_matrix_at_into(q, v, p, work, &mut mass);
         let whole = mass.diagonal();
         if let Err((pivot, part)) = cholesky::factorise(&mut mass, LEAST_PIVOT) {
-            return Error::SingularMassMatrix {
-                q: q.to_vec(),
-                pivot,
-                value: part * whole[pivot],
-            };
+            let value = part * whole[pivot];
+            return Error::singular_mass_matrix(&self.coordinates, q, pivot, value);
         }
         let mut force = DVector::zeros(n);
         let rest = vec![0.0; n];

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use crate::Coordinate;
+
 /// A place in a text, both counted from 1; the column counts characters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Position {
@@ -96,15 +98,17 @@ impl std::error::Error for Problems {}
 pub enum Error {
     /// The mass matrix is not positive definite, to rounding.
     #[error(
-        "mass matrix is not positive definite at q = {q:?} (pivot {pivot} is {value:e}): velocity {pivot} moves no mass there, or none \
-         that those before it do not move already (joints in line, a gimbal's lock, massless links between joints); give its link a \
-         mass and inertia, or remove the joint"
+        "mass matrix is not positive definite at q = {q:?} (pivot {pivot} is {value:e}): velocity {pivot}, that of {velocity}, moves no mass there, \
+         or none that those before it do not move already (joints in line, a gimbal's lock, massless links between joints, a square that \
+         is missing in T); give what it moves a mass and inertia, leave it out, or where other configurations have an acceleration, start from one"
     )]
     SingularMassMatrix {
         /// The configuration.
         q: Vec<f64>,
         /// The velocity at which the factorisation stopped.
         pivot: usize,
+        /// The coordinate that has it, in quotes.
+        velocity: String,
         /// What those before it leave of its diagonal entry, kg or kg·m².
         value: f64,
     },
@@ -229,4 +233,30 @@ pub enum Error {
         "the mechanism has constraints already: join all of them in one `Constrained`, as a pair (a, b)"
     )]
     ConstrainedTwice,
+}
+
+impl Error {
+    /// The mass matrix at `q` has no factor: its velocity `pivot`, one of those of `coordinates`, is left `value` by those before it.
+    pub fn singular_mass_matrix(
+        coordinates: &[Coordinate],
+        q: &[f64],
+        pivot: usize,
+        value: f64,
+    ) -> Error {
+        let mut before = 0;
+        let of = coordinates.iter().find_map(|coordinate| {
+            let entry = pivot.checked_sub(before)?;
+            before += coordinate.nv();
+            (entry < coordinate.nv()).then(|| match coordinate.nv() {
+                1 => format!("`{}`", coordinate.name),
+                n => format!("`{}` (entry {entry} of its {n}, from 0)", coordinate.name),
+            })
+        });
+        Error::SingularMassMatrix {
+            q: q.to_vec(),
+            pivot,
+            velocity: of.unwrap_or_else(|| "no coordinate".to_owned()),
+            value,
+        }
+    }
 }

@@ -35,6 +35,28 @@ pub trait Mechanics: Send + Sync {
     /// M(q), symmetric, all of it filled. For T not quadratic in v it is M(q, 0).
     fn mass_matrix_into(&self, q: &[f64], p: &[f64], work: &mut Workspace, out: &mut DMatrix<f64>);
 
+    /// M(q, v) = ∂²T/∂v∂v at the state, for T quadratic in v or not: what v̇ is multiplied by in M v̇ + C v + G = Q. Column k is what a
+    /// unit of v̇_k adds to Q.
+    fn mass_matrix_at_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut DMatrix<f64>,
+    ) {
+        let n = self.nv();
+        let (mut a, mut bias, mut force) = (vec![0.0; n], DVector::zeros(n), DVector::zeros(n));
+        self.bias_force_into(q, v, p, work, &mut bias);
+        for (k, mut column) in out.column_iter_mut().enumerate() {
+            a.fill(0.0);
+            a.iter_mut().skip(k).take(1).for_each(|a| *a = 1.0);
+            self.inverse_dynamics_into(q, v, &a, p, work, &mut force);
+            column.copy_from(&force);
+            column -= &bias;
+        }
+    }
+
     /// The Christoffel matrix C(q, v), for which Ṁ − 2C is skew. Defined for T quadratic in v.
     fn coriolis_matrix_into(
         &self,

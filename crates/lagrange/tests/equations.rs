@@ -228,7 +228,9 @@ fn a_massless_coordinate_is_named() {
         .forward_dynamics(&[0.0; 2], &[0.0; 2], &[1.0; 2])
         .unwrap_err();
     assert!(
-        error.to_string().contains("velocity 1 moves no mass"),
+        error
+            .to_string()
+            .contains("velocity 1, that of `q1`, moves no mass"),
         "{error}"
     );
 }

@@ -201,7 +201,18 @@ fn a_massless_root_that_floats_is_warned_of_and_a_name_that_clashes_refused() {
     assert!(
         warnings[0]
             .message
-            .contains("the root link `base` floats but has no <inertial>")
+            .contains("the root link `base` floats but has no <inertial>: it counts as massless")
+    );
+    let carried = two_joints(
+        &joint("k", "fixed", "base", "a", ""),
+        &joint("w", "continuous", "a", "b", ""),
+    );
+    let warnings = read(&carried, &floating()).warnings;
+    assert!(
+        warnings[0]
+            .message
+            .ends_with("floats but has no <inertial>: only what is welded to it has mass"),
+        "{warnings:?}"
     );
 
     let clash = text.replace(r#"name="k""#, r#"name="base""#);

@@ -20,7 +20,7 @@
 //!
 //! [`hybrid`] is the model as it is simulated, with exact derivatives; [`motion`] makes systems for `integrators` of mechanisms;
 //! [`free_run`] and [`evaluate`](mod@evaluate) run it over a log. Fits smooth dry friction; [`contact_run`] runs a model with friction that
-//! sticks, and [`smoothing`] says how far the two are apart. [`band`] says how far measurements may be from an ensemble of networks. [`environment`] makes an environment of a model, to find a controller on.
+//! sticks, and [`smoothing`] says how far the two are apart; [`coarse`] says where the steps of a simulation are too long. [`band`] says how far measurements may be from an ensemble of networks. [`environment`] makes an environment of a model, to find a controller on.
 //! [`poses`] is what becomes of floating bodies in logs.
 //! Feature `cli` (default): the program `pinode` and the HTML report. Feature `adaptive` (default): `adaptive_run`, free runs whose steps
 //! adapt to the motion, also where it is stiff. Features `parquet` and `mcap` (default): logs in these formats.
@@ -29,6 +29,7 @@ pub mod adaptive_run;
 pub mod band;
 #[cfg(feature = "cli")]
 pub mod cli;
+pub mod coarse;
 pub mod contact_run;
 pub mod diagnose;
 pub mod effect;
@@ -54,6 +55,7 @@ mod digits;
 mod disk;
 mod entries;
 mod error;
+mod limits;
 mod naming;
 mod past;
 mod processor;

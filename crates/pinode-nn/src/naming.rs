@@ -21,7 +21,8 @@ pub(crate) fn quoted(name: &str) -> String {
     out
 }
 
-/// The candidate with the smallest edit distance to `name`.
+/// The candidate with the smallest edit distance to `name`; one of which `name` is a word, as `viscous` of `viscous_friction`, is as near as one
+/// that is two edits away.
 pub(crate) fn nearest<'a>(
     name: &str,
     candidates: impl IntoIterator<Item = &'a str>,
@@ -31,9 +32,14 @@ pub(crate) fn nearest<'a>(
         .take(LONGEST)
         .collect::<String>()
         .to_lowercase();
-    candidates
-        .into_iter()
-        .min_by_key(|candidate| strsim::osa_distance(&short, &candidate.to_lowercase()))
+    candidates.into_iter().min_by_key(|candidate| {
+        let candidate = candidate.to_lowercase();
+        let edits = strsim::osa_distance(&short, &candidate);
+        match candidate.split(['_', '.']).any(|word| word == short) {
+            true => (edits.min(2), edits),
+            false => (edits, edits),
+        }
+    })
 }
 
 /// `; nearest: x`, and all candidates when they are few; says so when there are none.
@@ -65,6 +71,9 @@ mod tests {
         assert_eq!(nearest("silder", ["pole", "slider"]), Some("slider"));
         assert_eq!(nearest("Pole", ["pole", "slider"]), Some("pole"));
         assert_eq!(nearest("x", []), None);
+        let kinds = ["payload", "asymmetric_viscous_friction", "viscous_friction"];
+        assert_eq!(nearest("viscous", kinds), Some("viscous_friction"));
+        assert_eq!(nearest("palyoad", kinds), Some("payload"));
     }
 
     #[test]

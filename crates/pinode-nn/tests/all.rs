@@ -8,6 +8,7 @@ mod backlash;
 #[path = "../../../tests/bad_models_and_logs.rs"]
 mod bad_models_and_logs;
 mod cli;
+mod coarse_steps;
 mod contacts;
 mod conventions;
 mod data_faults;
@@ -20,6 +21,7 @@ mod export_command;
 mod floating;
 mod floating_logs;
 mod inertial;
+mod joint_limits;
 mod late_inputs;
 mod left_training;
 mod link_inputs;
@@ -28,6 +30,7 @@ mod model_files;
 #[path = "../../../tests/models.rs"]
 mod models;
 mod motion;
+mod not_quadratic;
 #[cfg(feature = "cli")]
 #[path = "../../../tests/oracles_through_the_program.rs"]
 mod oracles_through_the_program;

@@ -31,6 +31,12 @@ pub enum Order {
 ///
 /// The series of the operators are cut after A¹⁵: where positions turn, form and momenta are kept to rounding in steps of up to a radian.
 ///
+/// Of a body that travels and turns, q a pose and v its velocities in its own axes, the attitude is worse than by Runge and Kutta's method: what is
+/// kept of the angular momentum is that about the origin, x × p + spin. A step is a screw with constant v, the position errs across p by
+/// its truncation, and the spin takes what x × p is off by: |p| times that error. A body of 2 kg that spins with 10 rad/s, in steps of 1 ms, after 3 s:
+/// at 20, 60 and 200 m/s x is off its line by 3.5e-9, 9.2e-8 and 3.2e-6 m, and the spin by 7.0e-7, 5.5e-5 and 6.5e-3 of itself, about as speed⁴;
+/// with half the step, at 200 m/s, by 4.9e-4 (Runge and Kutta's of order 4: 5e-11). Take that, or shorter steps, for what flies fast.
+///
 /// Forces that depend on v and q are allowed, and act as they should; the energy then is what they make of it.
 #[derive(Debug, Clone)]
 pub struct Variational {

@@ -243,8 +243,8 @@ impl<M: Mechanics, C: Constraint> Constrained<M, C> {
             self.free.forward_dynamics_into(q, v, p, work, out)?;
             self.free.mass_matrix_into(q, p, work, &mut room.mass);
             if let Err((pivot, value)) = cholesky::factorise(&mut room.mass, 0.0) {
-                let q = q.to_vec();
-                return Err(Error::SingularMassMatrix { q, pivot, value });
+                let coordinates = self.free.coordinates();
+                return Err(Error::singular_mass_matrix(coordinates, q, pivot, value));
             }
             room.jacobian.transpose_to(&mut room.response);
             room.mass.solve_lower_triangular_mut(&mut room.response);
@@ -393,6 +393,17 @@ impl<M: Mechanics, C: Constraint> Mechanics for Constrained<M, C> {
 
     fn mass_matrix_into(&self, q: &[f64], p: &[f64], work: &mut Workspace, out: &mut DMatrix<f64>) {
         self.free.mass_matrix_into(q, p, work, out);
+    }
+
+    fn mass_matrix_at_into(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        p: &[f64],
+        work: &mut Workspace,
+        out: &mut DMatrix<f64>,
+    ) {
+        self.free.mass_matrix_at_into(q, v, p, work, out);
     }
 
     fn coriolis_matrix_into(

@@ -202,8 +202,39 @@ pub(crate) fn reserved(name: &str) -> Option<&'static str> {
     }
 }
 
-/// The known name that `name` is most likely a slip of: the same but for case, or not more than a third of its letters away.
-pub(crate) fn nearest<'k>(name: &str, known: impl Iterator<Item = &'k str>) -> Option<&'k str> {
+/// What functions are called elsewhere.
+const ELSEWHERE: [(&str, &str); 8] = [
+    ("sgn", "sign"),
+    ("signum", "sign"),
+    ("arcsin", "asin"),
+    ("arccos", "acos"),
+    ("arctan", "atan"),
+    ("arctan2", "atan2"),
+    ("fabs", "abs"),
+    ("power", "pow"),
+];
+
+/// The velocity that `name` is in another spelling: `dx`, `d_x`, `xd`, `x_d`, `xdot` or `dotx` for `x_dot`.
+fn velocity_spelt_otherwise(name: &str) -> impl Iterator<Item = String> {
+    let before = ["dot_", "dot", "d_", "d"].map(|mark| name.strip_prefix(mark));
+    let behind = ["_d", "dot", "d"].map(|mark| name.strip_suffix(mark));
+    let coordinates = before.into_iter().chain(behind).flatten();
+    coordinates.map(|coordinate| format!("{coordinate}_dot"))
+}
+
+/// The known name that `name` is most likely a slip of: the same but for case, another spelling of it, or not more than a third of its
+/// letters away.
+pub(crate) fn nearest<'k>(
+    name: &str,
+    known: impl Iterator<Item = &'k str> + Clone,
+) -> Option<&'k str> {
+    let elsewhere = ELSEWHERE.iter().find(|(other, _)| *other == name);
+    let mut spelt =
+        velocity_spelt_otherwise(name).chain(elsewhere.map(|(_, ours)| (*ours).to_owned()));
+    let meant = spelt.find_map(|spelt| known.clone().find(|k| *k == spelt));
+    if meant.is_some() {
+        return meant;
+    }
     let allowed = (name.chars().count() / 3).max(1);
     known
         .map(|k| {

@@ -97,7 +97,17 @@ pub(super) fn masses(
             })
         })
         .collect();
+    // Whether a link has mass, or something that is welded to it.
+    let mut welded = massive.clone();
     for &link in shape.outward.iter().rev() {
+        if let (Some(parent), Some(joint)) = (shape.parent[link], shape.above[link])
+            && source
+                .joints
+                .get(joint)
+                .is_some_and(|joint| !is_moving(joint))
+        {
+            welded[parent] |= welded[link];
+        }
         if let Some(parent) = shape.parent[link] {
             massive[parent] |= massive[link];
         }
@@ -114,7 +124,10 @@ pub(super) fn masses(
         } else if link.inertial.is_none() {
             report.warning(
                 link.name.at,
-                format!("the root link {name} floats but has no <inertial>: it counts as massless"),
+                format!(
+                    "the root link {name} floats but has no <inertial>: {}",
+                    what_counts(welded[root])
+                ),
             );
         }
     }
@@ -140,13 +153,28 @@ pub(super) fn masses(
             continue;
         };
         let (joint_name, link_name) = (shown(&joint.name.value), shown(&link.name.value));
+        let carries = child[j].is_some_and(|l: usize| welded[l]);
         let own = options.ignore_mimic || joint.mimic.is_none();
         if own && !moves_mass.contains(&j) {
             report.error(link.name.at, format!(
                 "link {link_name}, which joint {joint_name} moves, has no mass, nor has anything that it carries: there is nothing to accelerate; give it an <inertial> with a mass, or make the joint fixed"
             ));
         } else if link.inertial.is_none() {
-            report.warning(link.name.at, format!("link {link_name} is moved by joint {joint_name} but has no <inertial>: it counts as massless"));
+            report.warning(
+                link.name.at,
+                format!(
+                    "link {link_name} is moved by joint {joint_name} but has no <inertial>: {}",
+                    what_counts(carries)
+                ),
+            );
         }
+    }
+}
+
+/// What a link without <inertial> weighs.
+fn what_counts(welded: bool) -> &'static str {
+    match welded {
+        true => "only what is welded to it has mass",
+        false => "it counts as massless",
     }
 }

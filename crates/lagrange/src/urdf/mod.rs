@@ -97,7 +97,7 @@ pub struct JointDynamics {
 /// ```
 ///
 /// # Errors
-/// All problems of the text at once, each with its line and column.
+/// All problems of the text at once, each with its line and column; beside them what is not read, which may be their cause.
 pub fn read(text: &str, options: &Options) -> Result<Urdf, Problems> {
     read::read(text, options).map_err(|list| Problems {
         source: options.source.clone(),

@@ -4,6 +4,9 @@ use super::names::nearest;
 use super::report::{Report, shown};
 use super::source::{At, JointText};
 
+/// A limit of a rotation from here on, rad, is more likely meant in degrees: 90° are common, 14 turns are not.
+const DEGREES: f64 = 90.0;
+
 /// Joint types that are read.
 const READ: [&str; 6] = [
     "revolute",
@@ -71,6 +74,15 @@ pub(super) fn motion(joint: &JointText, report: &mut Report) {
             None => report.warning(joint.name.at, format!("joint {name} is {} but has no <limit>, which URDF requires: it is taken to have none", kind.value)),
             Some(At { value: (Some(lower), Some(upper)), at }) if lower > upper => {
                 report.warning(*at, format!("joint {name}: its lower limit {lower} is above the upper one, {upper}"));
+            }
+            Some(At { value: (lower, upper), at }) if kind.value == "revolute" => {
+                let ends = [lower, upper].into_iter().flatten();
+                if let Some(end) = ends.copied().find(|end| end.is_finite() && end.abs() >= DEGREES) {
+                    report.warning(*at, format!(
+                        "joint {name}: a limit of {end} rad is {:.0} turns: if these are degrees, write {:.4} rad",
+                        end / std::f64::consts::TAU, end.to_radians()
+                    ));
+                }
             }
             Some(_) => {}
         }

@@ -7,6 +7,8 @@ pub struct Report<'t> {
     text: &'t str,
     errors: Vec<(usize, String)>,
     warnings: Vec<(usize, String)>,
+    /// Those of the warnings that may be the cause of errors: a name misspelt is not read, and what it says is missing.
+    unread: Vec<(usize, String)>,
 }
 
 impl<'t> Report<'t> {
@@ -15,6 +17,7 @@ impl<'t> Report<'t> {
             text,
             errors: Vec::new(),
             warnings: Vec::new(),
+            unread: Vec::new(),
         }
     }
     pub fn error(&mut self, at: usize, message: impl Into<String>) {
@@ -22,6 +25,10 @@ impl<'t> Report<'t> {
     }
     pub fn warning(&mut self, at: usize, message: impl Into<String>) {
         self.warnings.push((at, message.into()));
+    }
+    /// A warning of what is not read, which comes with the errors too.
+    pub fn unread(&mut self, at: usize, message: impl Into<String>) {
+        self.unread.push((at, message.into()));
     }
     pub fn failed(&self) -> bool {
         !self.errors.is_empty()
@@ -38,10 +45,10 @@ impl<'t> Report<'t> {
         format!(" in line {}", Position::of(self.text, at).line)
     }
     pub fn into_errors(self) -> Vec<Problem> {
-        located(self.text, self.errors)
+        located(self.text, [self.errors, self.unread].concat())
     }
     pub fn into_warnings(self) -> Vec<Problem> {
-        located(self.text, self.warnings)
+        located(self.text, [self.warnings, self.unread].concat())
     }
 }
 

@@ -54,6 +54,12 @@ pub struct Source {
     pub joints: Vec<JointText>,
 }
 
+/// The elements that a motion depends on, as they are written.
+const ELEMENTS: [&str; 12] = [
+    "link", "joint", "inertial", "origin", "mass", "inertia", "parent", "child", "axis", "limit",
+    "mimic", "dynamics",
+];
+
 /// Walks through the document: the links and joints in it, and every fault of elements, attributes and numbers.
 pub fn collect(document: &Document, report: &mut Report) -> Source {
     let robot = document.root_element();
@@ -114,7 +120,7 @@ pub fn collect(document: &Document, report: &mut Report) -> Source {
         } else {
             String::new()
         };
-        report.warning(at, format!("{what} is not read{times}{hint}"));
+        report.unread(at, format!("{what} is not read{times}{hint}"));
     }
     for (what, count) in [
         ("links", source.links.len()),
@@ -261,7 +267,14 @@ impl Walk<'_, '_> {
 
     fn unread(&mut self, node: &Node) {
         let what = shown(node.tag_name().name()).replace('`', "");
-        self.count(format!("<{what}>"), String::new(), node.range().start);
+        let lower = what.to_lowercase();
+        let meant = ELEMENTS
+            .iter()
+            .find(|element| strsim::osa_distance(&lower, element) <= 1);
+        let hint = meant.map_or_else(String::new, |element| {
+            format!("; did you mean <{element}>?")
+        });
+        self.count(format!("<{what}>"), hint, node.range().start);
     }
 
     fn count(&mut self, what: String, hint: String, at: usize) {

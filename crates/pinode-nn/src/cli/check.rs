@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 use super::output::Output;
 use crate::Error;
 use crate::effect::ParameterSpec;
+use crate::limits::{Unstopped, unstopped};
 use crate::model::{EffectEntry, Model, NetworkEntry, OnLink, Pushes};
 
 #[derive(Debug, clap::Args)]
@@ -221,8 +222,12 @@ fn document(model: &Model) -> Value {
         .iter()
         .flat_map(|tree| tree.joints())
         .map(|joint| {
+            let limits = joint.limits.filter(|_| joint.kind.is_single());
             json!({
                 "name": joint.name,
+                "limits": limits.map(|l| json!({
+                    "lower": l.lower, "upper": l.upper, "effort": l.effort, "velocity": l.velocity,
+                })),
                 "type": joint.kind.name(),
                 "parent": joint.parent,
                 "child": joint.child,
@@ -299,6 +304,22 @@ fn text(model: &Model) -> String {
                 joint.kind.name(),
                 joint.parent,
                 joint.child
+            );
+        }
+        let unstopped = unstopped(model);
+        for Unstopped { joint, limits, .. } in &unstopped {
+            let unit = if joint.kind.is_angular() { "rad" } else { "m" };
+            let _ = writeln!(
+                out,
+                "  {} has the limits {} … {} {unit}",
+                joint.name, limits.lower, limits.upper
+            );
+        }
+        if !unstopped.is_empty() {
+            let _ = writeln!(
+                out,
+                "  these limits do not stop a motion: where one should, add an [[effect]] with kind = \"end_stop\", the joint, lower, upper, stiffness \
+                 and damping"
             );
         }
         let _ = writeln!(out, "\nmoving masses:");

@@ -5,6 +5,9 @@
 //! all matrices follow v. `coriolis_matrix` is Christoffel's where every coordinate is a single number; the velocities of a floating
 //! body are no rates of coordinates, and there it is one of the C with C v + G = bias_force and Ṁ − 2C skew.
 //!
+//! Where T is not quadratic in v, `mass_matrix` is ∂²T/∂v∂v at the state, and M v̇ + bias_force = Q holds with it as always. The terms of T
+//! without v or linear in it give forces that no C v can be; then `coriolis_matrix` is null, and `no_coriolis_matrix` says so.
+//!
 //! `--derivatives` adds `acceleration_by_q`, `acceleration_by_v` and `acceleration_by_tau`, nv × nv each, row i of the acceleration's
 //! entry i. For a floating body the derivatives in q are along its velocities: column j is the rate of v̇ while q moves with v = e_j.
 
@@ -27,6 +30,10 @@ const KEYS: [&str; 3] = ["q", "v", "tau"];
 const MOST_PROBLEMS: usize = 20;
 /// A quaternion may be as much longer or shorter than 1, from rounding in a file; it is then made of length 1.
 const QUATERNION_TOLERANCE: f64 = 1e-6;
+
+/// Why `coriolis_matrix` is null.
+const NO_CORIOLIS: &str = "T is not quadratic in v here, and no Christoffel matrix C gives C v + G = bias_force: the equations are \
+     mass_matrix v̇ + bias_force = tau, with mass_matrix = ∂²T/∂v∂v at this state";
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
@@ -204,7 +211,7 @@ fn evaluate(
         let mut gravity = DVector::zeros(n);
         let mut bias = DVector::zeros(n);
         let mut acceleration = DVector::from_column_slice(tau);
-        mechanics.mass_matrix_into(q, p, &mut work, &mut mass);
+        mechanics.mass_matrix_at_into(q, v, p, &mut work, &mut mass);
         mechanics.coriolis_matrix_into(q, v, p, &mut work, &mut coriolis);
         mechanics.gravity_force_into(q, p, &mut work, &mut gravity);
         mechanics.bias_force_into(q, v, p, &mut work, &mut bias);
@@ -255,7 +262,7 @@ fn evaluate(
             }));
             continue;
         }
-        // C is defined for T quadratic in v; where C v + G is not the bias force there is no such C.
+        // Christoffel's C is that of the part of T that is quadratic in v; where C v + G is not the bias force there is no such C.
         let error = (&coriolis * DVector::from_column_slice(v) + &gravity - &bias).amax();
         let has_coriolis = error <= 1e-9 * (1.0 + bias.amax());
         let mut result = json!({
@@ -267,6 +274,9 @@ fn evaluate(
             "kinetic_energy": kinetic,
             "potential_energy": potential,
         });
+        if !has_coriolis {
+            result["no_coriolis_matrix"] = json!(NO_CORIOLIS);
+        }
         if let Some(multipliers) = multipliers {
             result["multipliers"] = multipliers;
         }

@@ -16,6 +16,7 @@ use super::output::Output;
 use super::refused;
 use super::stepping::{Effort, Stepping};
 use crate::Error;
+use crate::coarse::CoarseStep;
 use crate::disk::{Staged, refuse_overwriting};
 use crate::entries::{q_names, starts, v_names};
 use crate::free_run::{
@@ -23,6 +24,7 @@ use crate::free_run::{
 };
 use crate::hybrid::Hybrid;
 use crate::learnt::{Guard, other_intervals};
+use crate::limits;
 use crate::log::{Log, Run};
 use crate::model::Model;
 use crate::poses::{Upright, measured_state};
@@ -113,6 +115,7 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
     let all: Vec<&Run> = runs.iter().collect();
     let (mut taken, mut warnings) = (step, other_intervals(&model, &all));
     let mut guard = Guard::new(&model);
+    let mut told_limits = false;
     let visible = model.mechanics.nq() + model.mechanics.nv();
     for mut run in runs {
         if let Some(duration) = arguments.duration {
@@ -137,7 +140,9 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
             .method
             .simulate(&model, &run, &initial, fineness, &mut effort)?;
         samples += states.len();
-        if let Stepping::Fixed(_) = arguments.method {
+        if let Stepping::Fixed(scheme) = arguments.method {
+            let coarse = CoarseStep::of(scheme, &model, (&run.t, &run.u), &states, step);
+            warnings.extend(coarse.map(|coarse| coarse.warning(&run.id)));
             let longest = longest_taken(&run.t, f64::INFINITY, step);
             warnings.extend(step_warning(&run.id, longest, step));
             taken = taken.max(longest);
@@ -145,6 +150,11 @@ pub(super) fn run(arguments: &Arguments, output: &Output) -> Result<(), Error> {
         let moved = states.iter().map(|state| state[..visible].to_vec());
         let moved: Vec<Vec<f64>> = moved.collect();
         warnings.extend(Upright::of(&model, &run.t, &moved).map(|near| near.warning(&run.id)));
+        if !told_limits {
+            let beyond = limits::warning(&model, &run.id, &run.t, &moved);
+            told_limits = beyond.is_some();
+            warnings.extend(beyond);
+        }
         guard.watch(&run.id, &run.t, &run.u, &moved);
         if let Some(band) = &mut band {
             let run = (&run, with_run);

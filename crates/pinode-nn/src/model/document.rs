@@ -195,6 +195,14 @@ impl<'a> Section<'a> {
 
     /// The tables of `[[key]]`.
     pub fn sections(&self, key: &str, faults: &mut Faults) -> Vec<Section<'a>> {
+        let value = self.get(key);
+        if let Some(table) = value.filter(|value| value.get_ref().as_table().is_some()) {
+            faults.at(
+                table.span().start,
+                format!("`{key}` is a single table: write `[[{key}]]`, in two pairs of brackets, of which there may be several"),
+            );
+            return Vec::new();
+        }
         let Some(list) = self.array(key, faults) else {
             return Vec::new();
         };

@@ -15,6 +15,7 @@ use super::{
     Input, Model, band, effects, inputs, log_columns, massless, networks, sensor, tolerance,
 };
 use crate::Error;
+use crate::naming::quoted;
 
 /// A larger model file is refused.
 const LARGEST: u64 = 16 << 20;
@@ -53,9 +54,44 @@ pub(super) fn text(path: &Path) -> Result<String, Error> {
     })
 }
 
+/// What to do with a robot's description that stands where the model is to be: no TOML begins with `<`.
+fn robot_for_model(path: &Path, text: &str) -> Option<Problem> {
+    if !text
+        .trim_start_matches('\u{feff}')
+        .trim_start()
+        .starts_with('<')
+    {
+        return None;
+    }
+    let named = |path: &Path| path.file_name()?.to_str().map(quoted);
+    let name = named(path).unwrap_or_default();
+    let toml = named(&path.with_extension("toml")).unwrap_or_default();
+    let urdf = named(&path.with_extension("urdf")).unwrap_or_default();
+    let first = match path.extension().is_some_and(|e| e == "xacro") {
+        true => format!("expand it by `xacro`, write the result to {urdf}, and beside it "),
+        false => "beside it ".to_owned(),
+    };
+    Some(Problem::general(format!(
+        "this is XML, a URDF it seems, and a model is a TOML file that names one: {first}write a file {toml} with this line, and give \
+         that file instead\n\n    urdf = \"{}\"\n\nJoints, masses and <dynamics> come from {name}; inputs, effects and sensors stand in the TOML file",
+        if first.starts_with("expand") {
+            &urdf
+        } else {
+            &name
+        }
+        .trim_matches('`')
+    )))
+}
+
 /// The model in `text`; `path` is its name in messages, and its folder is where its URDF is looked for.
 pub(super) fn parse(path: &Path, text: String, strict: bool) -> Result<Model, Error> {
     let source = path.display().to_string();
+    if let Some(problem) = robot_for_model(path, &text) {
+        return Err(Error::Problems(Problems {
+            source,
+            list: vec![problem],
+        }));
+    }
     let mut faults = Faults::default();
     let (document, syntax) = DeTable::parse_recoverable(&text);
     for error in &syntax {

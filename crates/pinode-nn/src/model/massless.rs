@@ -11,8 +11,11 @@ const SINGULAR: f64 = 1e-13;
 /// Sizes of the configurations that are tried, m and rad.
 const SIZES: [f64; 6] = [0.05, 0.2, 0.5, 1.0, 2.0, 5.0];
 
+/// Sizes of the velocities that are tried at each, m/s and rad/s: T need not be quadratic in v, and then M = ∂²T/∂v∂v depends on it.
+const SPEEDS: [f64; 3] = [0.0, 0.1, 1.0];
+
 /// A fault at the coordinate of `[lagrangian]` that nothing accelerates: M is not positive definite at any of some generic
-/// configurations at which it is finite. Other text models pass, those too that are singular at some configurations only.
+/// states at which it is finite. Other text models pass, those too that are singular at some states only.
 pub(super) fn check(root: &Section, mechanics: &dyn Mechanics, p: &[f64], faults: &mut Faults) {
     let Some(section) =
         root.get("lagrangian")
@@ -24,27 +27,27 @@ pub(super) fn check(root: &Section, mechanics: &dyn Mechanics, p: &[f64], faults
     let mut work = mechanics.workspace();
     let mut mass = DMatrix::zeros(n, n);
     let mut culprit = None;
-    for size in SIZES {
-        let q: Vec<f64> = (0..n)
-            .map(|i| size * (1.0 + (1.0 + 1.7 * i as f64 + size).sin()) / 2.0)
-            .collect();
-        mechanics.mass_matrix_into(&q, p, &mut work, &mut mass);
+    for (size, speed) in SIZES
+        .iter()
+        .flat_map(|size| SPEEDS.map(|speed| (size, speed)))
+    {
+        let generic = |seed: f64| (0..n).map(move |i| 1.0 + (seed + 1.7 * i as f64 + size).sin());
+        let q: Vec<f64> = generic(1.0).map(|x| size * x / 2.0).collect();
+        let v: Vec<f64> = generic(2.6).map(|x| speed * x / 2.0).collect();
+        mechanics.mass_matrix_at_into(&q, &v, p, &mut work, &mut mass);
         if mass.iter().any(|x| !x.is_finite()) {
             continue;
         }
         let Some((coordinate, value, still)) = unmoved(&mass) else {
             return;
         };
-        // T need not be quadratic in v: then M is not all of it.
-        let rest = vec![0.0; n];
-        let at_rest = mechanics.kinetic_energy_with(&q, &rest, p);
-        let moving = mechanics.kinetic_energy_with(&q, &still, p);
-        if value.abs() <= SINGULAR && (moving - at_rest).abs() > 1e-9 * mass.amax() {
-            return;
-        }
-        culprit = Some((coordinate, value));
+        let faster: Vec<f64> = v.iter().zip(&still).map(|(v, still)| v + still).collect();
+        let gained = mechanics.kinetic_energy_with(&q, &faster, p)
+            - mechanics.kinetic_energy_with(&q, &v, p);
+        let linear = value.abs() <= SINGULAR && gained.abs() > 1e-9 * mass.amax();
+        culprit = Some((coordinate, value, linear));
     }
-    let Some((index, value)) = culprit else {
+    let Some((index, value, linear)) = culprit else {
         return;
     };
     let name = mechanics.coordinates().get(index).map_or("", |c| &c.name);
@@ -63,14 +66,22 @@ pub(super) fn check(root: &Section, mechanics: &dyn Mechanics, p: &[f64], faults
         true => "has a negative mass in T",
         false => "moves no mass in T, alone or together with others",
     };
+    let cure = match linear {
+        true => format!(
+            "T has `{name}_dot` in the first power only, where a mass has its square: write 0.5*m*{name}_dot^2"
+        ),
+        false => {
+            "give its masses and inertias positive values, or leave the coordinate out".to_owned()
+        }
+    };
     let offset = section
         .strings("coordinates", faults)
         .and_then(|list| list.iter().find(|c| c.value == name).map(|c| c.offset()));
     faults.at(
         offset.unwrap_or(section.offset),
         format!(
-            "coordinate {} {what}{with}: the mass matrix is not positive definite at any configuration tried, and no force gives a \
-             definite acceleration; give its masses and inertias positive values, or leave the coordinate out",
+            "coordinate {} {what}{with}: the mass matrix is not positive definite at any state tried, and no force gives a \
+             definite acceleration; {cure}",
             quoted(name)
         ),
     );

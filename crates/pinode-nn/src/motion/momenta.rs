@@ -107,11 +107,7 @@ impl Momenta {
         let first =
             |&(k, left): &(usize, f64)| left.is_nan() || left <= LEAST_PIVOT * self.mass[(k, k)];
         let (pivot, value) = parts.clone().find(first).unwrap_or((0, f64::NAN));
-        Error::SingularMassMatrix {
-            q: q.to_vec(),
-            pivot,
-            value,
-        }
+        Error::singular_mass_matrix(mechanics.coordinates(), q, pivot, value)
     }
 
     /// Adds ∂L/∂q to Q in `out`: with Christoffel's C, for which Ṁ = C + Cᵀ, d/dt(M v) = Cᵀ v − G + Q, of which ad_vᵀ(M v) is not

@@ -16,7 +16,7 @@ mod variants;
 
 use std::sync::Arc;
 
-use lagrange::{Error, InverseDynamicsDerivatives, Mechanics, Workspace};
+use lagrange::{Coordinate, Error, InverseDynamicsDerivatives, Mechanics, Workspace};
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::Hybrid;
@@ -415,7 +415,7 @@ impl Extra {
                 let q: Vec<f64> = q.iter().map(|q| q.of_state(state)).collect();
                 let mass = memory.mass.map(|m| m.of_state(state));
                 Err(match Cholesky::new(mass.clone()) {
-                    None => singular(&q, &mass),
+                    None => singular(mechanics.coordinates(), &q, &mass),
                     Some(_) => Error::AccelerationNotFinite { q },
                 })
             }
@@ -424,7 +424,7 @@ impl Extra {
 }
 
 /// Why M has no factor: which velocity moves no mass of its own.
-fn singular(q: &[f64], mass: &DMatrix<f64>) -> Error {
+fn singular(coordinates: &[Coordinate], q: &[f64], mass: &DMatrix<f64>) -> Error {
     let finite = |x: &[f64]| x.iter().position(|x| !x.is_finite());
     if let Some(index) = finite(q) {
         return Error::NotFinite {
@@ -439,9 +439,5 @@ fn singular(q: &[f64], mass: &DMatrix<f64>) -> Error {
         .unwrap_or(0);
     let column = mass.view((0, pivot), (pivot, 1)).into_owned();
     let taken = leading(pivot).map_or(f64::NAN, |before| column.dot(&before.solve(&column)));
-    Error::SingularMassMatrix {
-        q: q.to_vec(),
-        pivot,
-        value: mass[(pivot, pivot)] - taken,
-    }
+    Error::singular_mass_matrix(coordinates, q, pivot, mass[(pivot, pivot)] - taken)
 }

@@ -36,7 +36,7 @@ impl Extra {
     ) -> Result<(), Error> {
         self.factorise(mechanics, q, theta, work, memory);
         if memory.factor.is_none() {
-            return Err(singular(q, &memory.mass));
+            return Err(singular(mechanics.0.coordinates(), q, &memory.mass));
         }
         f64::solve(&memory.factor, out);
         Ok(())
