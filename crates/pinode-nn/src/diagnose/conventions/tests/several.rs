@@ -184,7 +184,7 @@ fn units_are_told_beside_a_friction_that_is_as_large_as_anything_else() {
 #[test]
 fn degrees_of_what_turns_over_are_told() {
     let model = pendulum();
-    let rows = driven(5, (INERTIA, 3.0), |q, v| {
+    let rows = driven(5, (INERTIA, 1.0), |q, v| {
         -WEIGHT * q.sin() - 0.01 * v - 0.05 * (v / 1e-2).tanh()
     });
     let turns = rows.iter().map(|row| row[0].abs()).fold(0.0, f64::max);
