@@ -55,6 +55,7 @@ mod digits;
 mod disk;
 mod entries;
 mod error;
+#[cfg(feature = "cli")]
 mod limits;
 mod naming;
 mod past;

@@ -18,7 +18,7 @@ pub struct Each<'a> {
 }
 
 impl<'a> Each<'a> {
-    /// Each log is asked by itself; where none tells, all together. Those that do not tell count as is usual: as most do, or as `elsewhere`.
+    /// Each log is asked by itself; those that do not tell, together. Where these do not either they count as is usual: as most do, or as `elsewhere`.
     pub fn of(
         model: &'a Model,
         logs: &'a [Log],
@@ -29,8 +29,15 @@ impl<'a> Each<'a> {
         let alone = logs.chunks(1).map(|log| meant(model, log, report));
         let mut meant_each: Vec<Meant> = alone.collect();
         let tells = |meant: &Meant| !matches!(meant, Meant::Unclear);
-        if logs.len() > 1 && !meant_each.iter().any(tells) {
-            meant_each = vec![meant(model, logs, report); logs.len()];
+        let silent = logs
+            .iter()
+            .zip(&meant_each)
+            .filter(|(_, meant)| !tells(meant));
+        let silent: Vec<Log> = silent.map(|(log, _)| log.clone()).collect();
+        if silent.len() > 1 {
+            let together = meant(model, &silent, report);
+            let own = meant_each.iter_mut().filter(|meant| !tells(meant));
+            own.for_each(|meant| *meant = together.clone());
         }
         let usual = match meant_each.iter().any(tells) {
             true => usual(&meant_each),
