@@ -352,7 +352,7 @@ fn cut(observations: &Observations, length: f64) -> Vec<Run> {
 /// What is free beside the model as given: most machines have some friction, and some are late; what these do must not blur the comparison.
 const USUAL: [&str; 3] = ["viscous_friction", "coulomb_friction", "input_delay"];
 
-/// The model with a viscous friction on every coordinate that has none, and a delay of every input that has none.
+/// The model with a viscous and a dry friction on every coordinate that has none, and a delay of every input that has none.
 fn usual(model: &Model, pace: &Pace) -> Hybrid {
     let mut hybrid = Hybrid::at_pace(model, pace.times(), &[]);
     for kind in USUAL.iter().filter_map(|name| registry::find(name)) {
