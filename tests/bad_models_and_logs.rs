@@ -352,6 +352,8 @@ fn every_faulty_log_is_refused_with_culprit_and_place() {
         ("double column", with_header("t,q.slider,q.pole,q.pole,u.motor"), &["log.csv:1:1: the header has column `q.pole` twice"]),
         ("semicolons", good.replace(',', ";").into(), &["log.csv:1:1", "separate columns by commas"]),
         ("tabs", good.replace(',', "\t").into(), &["separate columns by commas"]),
+        ("a line of units", good.replacen('\n', "\ns,m,rad,m/s,N\n", 1).into(), &["log.csv:2:1: this line holds words, units it may be", "take it out", "[log.columns]"]),
+        ("a date", with_row("2026-12-01T10:00:00,0,0,0,0"), &["log.csv:12:1: `t` is `2026-12-01T10:00:00`", "numbers of seconds"]),
         ("a word", with_row("0.1,abc,0,0,0"), &["log.csv:12:5: `q.slider` is `abc`, not a number"]),
         ("an empty entry", with_row("0.1,,0,0,0"), &["log.csv:12:5: `q.slider` is empty"]),
         ("NaN", with_row("0.1,0,nan,0,0"), &["log.csv:12:7: `q.pole` is NaN", "finite"]),

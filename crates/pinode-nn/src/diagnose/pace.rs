@@ -20,6 +20,9 @@ const TOO_FEW: f64 = 18.0;
 /// What is slow has windows of so many intervals between samples, and of a part of a recording.
 const INTERVALS: f64 = 6.0;
 const PART: f64 = 0.25;
+/// Of a short recording, which has too few windows, they are halved so often at most, and have so many intervals between samples.
+const HALVINGS: usize = 2;
+const FEWEST_INTERVALS: f64 = 12.0;
 /// Half width of what is smooth, s at the usual pace, and in periods at most.
 const SMOOTH: (f64, f64) = (0.06, 0.15);
 /// The integration step starts at or below this at the usual pace, s.
@@ -165,6 +168,29 @@ impl Pace {
     /// Length of a window, s.
     pub fn window(&self) -> f64 {
         self.long(WINDOW_S)
+    }
+
+    /// What is `cut` at this pace, and the pace: with windows half as long, or a quarter, and all that goes with them, where it is not `enough` and they have
+    /// [`FEWEST_INTERVALS`] between samples `interval` s apart.
+    pub fn shortened<T>(
+        self,
+        interval: f64,
+        cut: impl Fn(&Pace) -> T,
+        enough: impl Fn(&T) -> bool,
+    ) -> (Self, T) {
+        let (mut pace, mut pieces) = (self.clone(), cut(&self));
+        for _ in 0..HALVINGS {
+            let shorter = Pace {
+                times: 0.5 * pace.times,
+                ..pace.clone()
+            };
+            if enough(&pieces) || shorter.window() < FEWEST_INTERVALS * interval {
+                break;
+            }
+            pieces = cut(&shorter);
+            pace = shorter;
+        }
+        (pace, pieces)
     }
 
     /// Half width of the smoothing, s.

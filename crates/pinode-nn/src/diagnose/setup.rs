@@ -39,7 +39,8 @@ pub struct Prepared {
     pub excitation: Excitation,
 }
 
-/// Cuts the windows and fits the model as given. What is masked is in no window.
+/// Cuts the windows and fits the model as given. What is masked is in no window. Of a short recording, which has too few of the length that shows most, they are
+/// shorter.
 pub fn prepare(
     model: &Model,
     observations: Observations,
@@ -48,7 +49,6 @@ pub fn prepare(
     means: &Means,
 ) -> Result<Prepared, Error> {
     let pace = Pace::of(&observations);
-    let hybrid = Hybrid::at_pace(model, pace.times(), pace.speeds());
     let interval = observations.typical_interval();
     if pace.window() < FEWEST_INTERVALS * interval {
         return Err(Error::TooCoarse {
@@ -57,7 +57,9 @@ pub fn prepare(
         });
     }
     let observations = thinned(model, observations, &pace);
-    let windows = cut(&observations, fit_runs, masked, &pace);
+    let cut = |pace: &Pace| cut(&observations, fit_runs, masked, pace);
+    let interval = observations.typical_interval();
+    let (pace, windows) = pace.shortened(interval, cut, are_enough);
     if !are_enough(&windows) {
         return Err(Error::TooShort {
             window: pace.window(),
@@ -66,6 +68,7 @@ pub fn prepare(
             needed: (FEWEST_WINDOWS, FEWEST_WINDOWS / 2),
         });
     }
+    let hybrid = Hybrid::at_pace(model, pace.times(), pace.speeds());
     let wraps = hybrid.wraps();
     let smoothed: Vec<Smoothed> = observations
         .runs

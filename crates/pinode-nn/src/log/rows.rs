@@ -120,6 +120,17 @@ impl<'a> Rows<'a> {
 
     pub(super) fn add(&mut self, row: &impl Row) {
         let layout = self.layout;
+        if self.runs.is_empty() && self.found.list.is_empty() && self.is_of_words(row) {
+            self.found.push(|| {
+                row.problem(
+                    layout.t.index,
+                    "this line holds words, units it may be, where the first numbers should stand: take it out; what is not in SI units is read by its `scale` in \
+                     [log.columns] of the model"
+                        .to_owned(),
+                )
+            });
+            return;
+        }
         let Some(t) = self.time(row) else {
             return;
         };
@@ -189,6 +200,16 @@ impl<'a> Rows<'a> {
         self.runs.push(run);
     }
 
+    /// Whether nothing that is read of a row is a number, and all of it stands there.
+    fn is_of_words(&self, row: &impl Row) -> bool {
+        let Layout { t, q, u, .. } = self.layout;
+        let mut read = q.iter().chain(u).chain([t]);
+        read.all(|source| match row.cell(source.index) {
+            Cell::Text(field) => field.parse::<f64>().is_err(),
+            _ => false,
+        })
+    }
+
     /// The time of a row, s.
     fn time(&mut self, row: &impl Row) -> Option<f64> {
         let source = self.layout.t;
@@ -243,13 +264,16 @@ impl<'a> Rows<'a> {
                 (None, Cell::Text(field)) => format!("is {}, not a number", quoted(field)),
                 (None, _) => "is empty".to_owned(),
             };
-            row.problem(
-                source.index,
-                format!(
-                    "{} {fault}: every entry must be a finite number; where the sensor failed, cut the recording into two runs",
-                    quoted(name)
-                ),
-            )
+            let is_clock = source.index == self.layout.t.index;
+            let cure = match (raw, cell) {
+                (None, Cell::Text(_)) if is_clock => {
+                    "times are numbers of seconds, as those since the first row; dates are not read"
+                }
+                _ => {
+                    "every entry must be a finite number; where the sensor failed, cut the recording into two runs"
+                }
+            };
+            row.problem(source.index, format!("{} {fault}: {cure}", quoted(name)))
         });
         None
     }

@@ -18,6 +18,7 @@ mod payload;
 mod pendulum;
 mod resting;
 mod ringing;
+mod short;
 mod sticking;
 mod walls;
 

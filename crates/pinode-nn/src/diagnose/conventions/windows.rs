@@ -70,18 +70,17 @@ impl Windows {
             channels: channels(nv, |_| (false, 0.0)),
             runs: logged.map(observed).collect(),
         };
+        let lively = |pace: &Pace| {
+            let observations = observations.clone().thinned(pace.window() / SAMPLES);
+            let interval = observations.typical_interval();
+            (lively(&observations, pace.window()), interval)
+        };
+        let enough = |(lively, _): &(Vec<Run>, f64)| lively.len() >= FEWEST_WINDOWS;
         let pace = Pace::of(&observations);
+        let interval = observations.typical_interval();
+        let (pace, (lively, interval)) = pace.shortened(interval, lively, enough);
         let hybrid = usual(model, &pace);
-        let length = pace.window();
-        let observations = observations.thinned(length / SAMPLES);
-        let substeps = pace.first_steps(observations.typical_interval(), hybrid.is_stiff());
-        let all = cut(&observations, length);
-        // Windows in which nothing happens tell nothing: the half with more motion, evenly.
-        let off = |run: &Run| -> f64 { run.q.iter().map(|q| off_line(&run.t, q)).sum() };
-        let motion: Vec<f64> = all.iter().map(off).collect();
-        let typical = middle(motion.iter().copied());
-        let lively = all.iter().zip(motion).filter(|(_, off)| *off >= typical);
-        let lively: Vec<&Run> = lively.map(|(run, _)| run).collect();
+        let substeps = pace.first_steps(interval, hybrid.is_stiff());
         let count = lively.len().min(windows);
         let taken = (0..count).map(|k| lively[k * lively.len() / count].clone());
         let runs: Vec<Run> = taken.collect();
@@ -328,6 +327,17 @@ impl Sizes {
                 .fold(f64::MIN_POSITIVE, |a, x| a.max(x.abs())),
         }
     }
+}
+
+/// The windows of this length in which something happens, a recording each: the half with more motion.
+fn lively(observations: &Observations, length: f64) -> Vec<Run> {
+    let all = cut(observations, length);
+    let off = |run: &Run| -> f64 { run.q.iter().map(|q| off_line(&run.t, q)).sum() };
+    let motion: Vec<f64> = all.iter().map(off).collect();
+    let typical = middle(motion.iter().copied());
+    let all = all.into_iter().zip(motion);
+    let lively = all.filter(|(_, off)| *off >= typical);
+    lively.map(|(run, _)| run).collect()
 }
 
 /// The windows of this length, a recording each.
