@@ -290,6 +290,8 @@ pub fn revisit(
         with_duals(study, null, current, &mut weighed);
         found.push(weighed);
     }
+    // Of what was looked at before, something may have given its place to what another became.
+    found.retain(|own| position(current, &own.candidate).is_some());
     found
 }
 

@@ -264,6 +264,7 @@ pub(crate) fn diagnose_into(
     };
     let (mut study, mut proved) =
         proof.shrinking(study, coarse, &mut search, &provenance, report)?;
+    search.doubt_what_may_do_nothing(&study);
     let at_fault = data_faults.iter().any(audit::contradicts);
     let is_found = !search.found.is_empty();
     let contradicted = match is_found {

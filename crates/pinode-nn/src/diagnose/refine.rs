@@ -276,11 +276,22 @@ fn is_sure(study: &Study, candidate: &Candidate, current: &Fitted, fitted: &Fitt
 /// `contained`, or nothing: of those that a probe moves from there. Residuals that hang together stretch tolerances by more than their number says;
 /// these errors, by the jackknife over windows, know.
 pub fn does_more(study: &Study, candidate: &Candidate, fitted: &Fitted, contained: &[f64]) -> bool {
+    let errors = fitted.inside.standard_errors();
+    does_more_by(&errors, study, candidate, fitted, contained)
+}
+
+/// The same by standard errors in the order of `inside.free`.
+pub fn does_more_by(
+    errors: &[f64],
+    study: &Study,
+    candidate: &Candidate,
+    fitted: &Fitted,
+    contained: &[f64],
+) -> bool {
     let Some(index) = position(fitted, candidate) else {
         return false;
     };
     let fit = &fitted.inside;
-    let errors = fit.standard_errors();
     let scales = candidate.scales(&fitted.hybrid, &study.scales);
     let probes = (candidate.kind.probes)(&scales, contained);
     let is_off = |i: usize, k: usize| {

@@ -12,7 +12,7 @@ use super::misfit::explained;
 use super::numerics::sharp;
 use super::particulars::with_particulars;
 use super::pushes::{is_push, stripped, with_pushes};
-use super::refine::{Contender, ITERATIONS, is_sensible, polish, rank};
+use super::refine::{Contender, ITERATIONS, does_more_by, is_sensible, polish, rank};
 use super::remainder::Remainder;
 use super::remembering::remembering;
 use super::step::{LOUD, Report, Step, Turn, is_dear, is_second_choice, may_rub, step_from};
@@ -20,6 +20,7 @@ use super::study::{Fitted, Study};
 use super::undoing::{drop_undone, share_not_undone};
 use super::unseen_spring::unseen_spring;
 use super::unstretched::unstretched;
+use super::verdict::EVEN;
 use super::width::respread;
 use crate::shooting::Fit;
 use crate::smoothing::VISIBLE;
@@ -152,6 +153,19 @@ impl Search {
         self.base = base;
         self.pushed = true;
         self
+    }
+
+    /// What by its standard errors may as well do nothing is as likely as not, however much it relieves.
+    pub fn doubt_what_may_do_nothing(&mut self, study: &Study) {
+        let (base, model) = (&self.base, &self.model);
+        let errors = model.standard_errors(study);
+        for found in &mut self.found {
+            let candidate = found.candidate;
+            let contained = candidate.contained(&base.hybrid, &base.inside.theta);
+            if !does_more_by(errors, study, &candidate, model, &contained) {
+                found.believe((EVEN / found.confidence).min(1.0));
+            }
+        }
     }
 
     /// Whether what was found explains more than is left and follows from something.
@@ -653,7 +667,10 @@ fn with_shorter_steps(
 mod tests {
     #![allow(clippy::unwrap_used)]
 
+    use super::super::pushes::tests::prepared_with;
+    use super::super::setup::Prepared;
     use super::*;
+    use crate::hybrid::Hybrid;
 
     #[test]
     fn two_ways_meet_where_they_have_the_same_names_in_any_order() {
@@ -674,5 +691,43 @@ mod tests {
         ] {
             assert!(!been.has(other), "{other:?}");
         }
+    }
+    #[test]
+    fn what_by_its_errors_may_as_well_do_nothing_is_as_likely_as_not() {
+        let (_dir, Prepared { study, null, .. }) = prepared_with(0.0, 0.8);
+        let [viscous, spring] =
+            ["viscous_friction", "cubic_spring"].map(|name| Candidate::named(name, 0));
+        let start = (null.hybrid.clone(), null.inside.theta.clone());
+        let place = |(hybrid, theta): (Hybrid, Vec<f64>), candidate: &Candidate| {
+            candidate.place(&hybrid, &theta, &[0.1])
+        };
+        let (hybrid, theta) = [viscous, spring].iter().fold(start, place);
+        let model = study.fit(hybrid, null.start(theta), 1, 12);
+        let found = |candidate: Candidate| Found {
+            candidate,
+            confidence: 0.99,
+            alternatives: Vec::new(),
+            indistinguishable: Vec::new(),
+            rivals: Vec::new(),
+            comparison: Comparison::of(&model, &null),
+            unseen_spring: None,
+            instead: None,
+        };
+        let mut search = Search {
+            null: null.clone(),
+            base: null.clone(),
+            steps: Vec::new(),
+            gain: 0.0,
+            found: vec![found(viscous), found(spring)],
+            model: model.clone(),
+            taught: None,
+            study: study.clone(),
+            smooth: None,
+            left: None,
+            pushed: false,
+        };
+        search.doubt_what_may_do_nothing(&study);
+        let believed: Vec<f64> = search.found.iter().map(|f| f.confidence).collect();
+        assert_eq!(believed, [0.99, EVEN]);
     }
 }
