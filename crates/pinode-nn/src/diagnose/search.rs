@@ -692,6 +692,7 @@ mod tests {
             assert!(!been.has(other), "{other:?}");
         }
     }
+
     #[test]
     fn what_by_its_errors_may_as_well_do_nothing_is_as_likely_as_not() {
         let (_dir, Prepared { study, null, .. }) = prepared_with(0.0, 0.8);

@@ -76,7 +76,7 @@ fn friction_is_told_by_six_seconds() {
     tells_the_friction(&diagnosed(&parsed(MODEL), log(6.0)));
 }
 
-/// In a motion a thousand times as slow there is damping alone: the equations, moment by moment, had spoken for it. A gain of −98 % with a lag of two minutes were named.
+/// In a motion a thousand times as slow there is damping alone: the equations, moment by moment, had spoken for it.
 #[test]
 fn a_clock_in_milliseconds_is_told_where_damping_is_known() {
     let mut log = log(20.0);

@@ -29,6 +29,7 @@ const AS_GOOD: f64 = 1.5;
 const MOST_PAIRS: usize = 400;
 /// … of which those are fitted, friction and delay with them, that explain most by initial states alone.
 const MOST_FITTED: usize = 40;
+
 /// How logs are to be read.
 #[derive(Clone)]
 pub enum Meant {
